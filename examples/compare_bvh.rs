@@ -9,8 +9,8 @@
 
 use std::path::PathBuf;
 
+use kiln::bvh::Ray;
 use kiln::error::{Result, Warnings};
-use kiln::geometry::Ray;
 use kiln::glam::Vec3;
 use kiln::job::RenderControl;
 use kiln_lab::bench::generate::Family;
@@ -60,7 +60,7 @@ pub fn table(rows: &[SpeedRow]) -> String {
 
 /// The engine that is measured.
 pub fn median_split() -> Engine {
-    let isa = kiln::bvh::compiled_isa();
+    let isa = kiln::bvh::detail::compiled_isa();
     let label = Label { engine: "mine", layout: "median split", tier: None, preset: None, isa };
     Engine::new(label, |mesh| {
         let triangles = (0..mesh.triangles.len() as u32).map(|id| Triangle { corners: mesh.corners(id), id });

@@ -9,7 +9,8 @@ use std::error::Error;
 use std::fs::read_to_string;
 use std::path::Path;
 
-use kiln::geometry::{Precision, Ray};
+use kiln::bvh::Ray;
+use kiln::bvh::detail::Precision;
 use kiln::glam::{DVec3, Vec3};
 use kiln_lab::bench::speed::{Kind, engines};
 use kiln_lab::bench::{Engine, Mesh};

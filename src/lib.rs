@@ -16,8 +16,8 @@
 //! files or shading ([`bvh::Bvh`]):
 //!
 //! ```
+//! use kiln::bvh::detail::RayBuffer;
 //! use kiln::bvh::{Bvh, Primitive, Traversal};
-//! use kiln::geometry::RayBuffer;
 //!
 //! let ball = Primitive::from(([0.0, 0.0, 5.0], 1.0));
 //! let floor = Primitive::from([[-9.0, -1.0, 0.0], [9.0, -1.0, 0.0], [0.0, -1.0, 9.0]]);
@@ -37,8 +37,7 @@
 //!
 //! ```
 //! use std::sync::Arc;
-//! use kiln::bvh::{Bvh, Preset, Traversal};
-//! use kiln::geometry::{Mesh, Numerics, Placed, Placement};
+//! use kiln::bvh::{Bvh, Mesh, Numerics, Placed, Placement, Preset, Traversal};
 //! use kiln::glam::{DMat4, DVec3};
 //!
 //! let (positions, triangles) = (vec![DVec3::ZERO, DVec3::X, DVec3::Y], vec![[0, 1, 2]]);
@@ -58,8 +57,7 @@
 //! Crossings of closed surfaces, containment and distances; `docs/library.md` has their guarantees:
 //!
 //! ```
-//! use kiln::bvh::{Bvh, Traversal};
-//! use kiln::geometry::Side;
+//! use kiln::bvh::{Bvh, Side, Traversal};
 //!
 //! let [o, x, y, z] = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 //! let tetrahedron = [[o, y, x], [o, x, z], [o, z, y], [x, y, z]].map(Into::into);
@@ -79,7 +77,8 @@
 // Documentation of modules links to what they are made of.
 #![allow(rustdoc::private_intra_doc_links)]
 
-pub use kiln_bvh::{bvh, geometry, glam};
+pub use kiln_bvh as bvh;
+pub use kiln_bvh::glam;
 
 /// Lists the values of an enumeration as `ALL`, and their names for users.
 #[macro_export]

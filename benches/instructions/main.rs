@@ -8,10 +8,9 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
-use kiln::bvh::{self, Accelerator, Layout, Primitive, Slot, Traversal};
+use kiln::bvh::detail::{Accelerator, HitBuffer, Layout, Precision, RayBuffer, Slot, SurfacePoint};
+use kiln::bvh::{self, Hit, Numerics, PrimId, Primitive, Ray, Traversal, Triangle};
 use kiln::film::TILE;
-use kiln::geometry::spawn::SurfacePoint;
-use kiln::geometry::{Hit, HitBuffer, Numerics, Precision, PrimId, Ray, RayBuffer, Triangle};
 use kiln_lab::bench::Numbers;
 
 /// Width and height in pixels of the picture whose rays are traced.
@@ -102,7 +101,7 @@ fn main() {
     let slots = (0..)
         .zip(triangles())
         .map(|(id, corners)| Slot { primitive: Primitive::Triangle(Triangle(corners)), id: PrimId(id) });
-    let tree = bvh::build(slots, Layout::default(), Numerics::Watertight);
+    let tree = bvh::detail::build(slots, Layout::default(), Numerics::Watertight);
     let rays = match kind.as_str() {
         "primary" => primary(),
         "shadow" => shadow(&*tree),

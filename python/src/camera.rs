@@ -1,7 +1,7 @@
 //! Rays of cameras.
 
+use kiln::bvh::detail::{Precision, RayBuffer};
 use kiln::film::{TILE, Window};
-use kiln::geometry::{Precision, RayBuffer};
 use kiln::import::inline_camera;
 use kiln::world::View;
 use pyo3::exceptions::PyValueError;

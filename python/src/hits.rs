@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use kiln::geometry::{Hit, PrimId, Ray, SlotId};
+use kiln::bvh::{Hit, PrimId, Ray, SlotId};
 use kiln::glam::DVec3;
 use numpy::{
     PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2, PyUntypedArrayMethods,

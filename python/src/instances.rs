@@ -3,9 +3,8 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use kiln::bvh::{Bvh, InvalidMesh, NotFinite};
-use kiln::geometry;
-use kiln::geometry::{Placed, Placement};
+use kiln::bvh;
+use kiln::bvh::{Bvh, InvalidMesh, NotFinite, Placed, Placement};
 use kiln::glam::{DMat4, DVec3};
 use numpy::{PyReadonlyArray1, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyIndexError, PyValueError};
@@ -143,7 +142,7 @@ impl Instances {
         let transform = transform.map(|transform| matrices(transform, "transform", &[ONE])).transpose()?;
         let transform = transform.map_or(DMat4::IDENTITY, |one| one[0]);
         let positions = positions(chunks(&vertices)?)?;
-        let mesh = geometry::Mesh { positions, triangles, ..geometry::Mesh::default() };
+        let mesh = bvh::Mesh { positions, triangles, ..bvh::Mesh::default() };
         let placed = Placed::new(Arc::new(mesh), Placement::new(transform));
         Instances::edit(slf, |parts| {
             parts.push(Some(placed.clone()));
@@ -209,7 +208,7 @@ impl Instances {
             let before = part_of(parts, object)?.1.mesh.clone();
             check_rows(("vertices", positions.len()), ("the object", before.positions.len()))?;
             let (triangles, positions) = (before.triangles.clone(), positions.clone());
-            let mesh = Arc::new(geometry::Mesh { positions, triangles, ..geometry::Mesh::default() });
+            let mesh = Arc::new(bvh::Mesh { positions, triangles, ..bvh::Mesh::default() });
             for placed in parts.iter_mut().flatten().filter(|placed| Arc::ptr_eq(&placed.mesh, &before)) {
                 *placed = Placed::new(mesh.clone(), placed.placement.clone());
             }

@@ -3,9 +3,9 @@
 use std::sync::{Arc, PoisonError, RwLock};
 
 use kiln::bvh::{
-    Bvh, Closedness, ClosestPoint, InsideRule, NotClosed, Preset, Primitive, RayList, SignedHit, Traversal,
+    Bvh, Closedness, ClosestPoint, InsideRule, NotClosed, Preset, PrimId, Primitive, RayList, Side,
+    SignedHit, Traversal,
 };
-use kiln::geometry::{PrimId, Side};
 use kiln::glam::DVec3;
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};

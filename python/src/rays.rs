@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use kiln::bvh::{Bvh, InvalidRays, Lists, NotFinite, RayArrays, RayList};
-use kiln::geometry::{Hit, Ray, RayBuffer};
+use kiln::bvh::detail::RayBuffer;
+use kiln::bvh::{Bvh, Hit, InvalidRays, Lists, NotFinite, Ray, RayArrays, RayList};
 use kiln::scene::Scene;
 use kiln::shading::SceneOpacity;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};

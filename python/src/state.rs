@@ -3,8 +3,7 @@
 use std::fmt::Display;
 use std::sync::Arc;
 
-use kiln::bvh::{Bvh, CoarseRounding, Preset, Primitive};
-use kiln::geometry::{Hit, Numerics, Placed, PrimId, Ray};
+use kiln::bvh::{Bvh, CoarseRounding, Hit, Numerics, Placed, Preset, PrimId, Primitive, Ray};
 use kiln::glam::{DVec2, DVec3};
 use kiln::scene::Scene;
 use pyo3::exceptions::PyValueError;

@@ -11,10 +11,10 @@ use super::{
     EFFECTS, Effect, EffectContext, EffectId, EffectValue, Hook, LightTechnique, PathSettings, PlanSpec,
     RayClass, RayKind, Stage, TRANSPORTS, TransportEntry, closest_hits, primary_rays, ray_origins, unlit,
 };
-use crate::bvh::Traversal;
+use crate::bvh::detail::{HitBuffer, Rays};
+use crate::bvh::{Hit, Ray, Traversal};
 use crate::error::{Error, Result, ended, nearest_name};
 use crate::film::Window;
-use crate::geometry::{Hit, HitBuffer, Ray, Rays};
 use crate::scene::EffectsSection;
 use crate::scene::{Sampling, Transport};
 use crate::shading::ShadingMode;

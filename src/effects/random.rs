@@ -8,8 +8,8 @@
 use sobol_burley::parts::{hash, owen_scramble_rev, u32_to_f32_norm};
 
 use super::PathSettings;
+use crate::bvh::Ray;
 use crate::film::rounding::pcg3d;
-use crate::geometry::Ray;
 use crate::scene::{MAX_SAMPLES, PixelSampler};
 
 /// A use of random numbers; the numbers of a sample in different dimensions are independent. All uses are listed here.

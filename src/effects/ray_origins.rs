@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::Stage;
 use super::tile::RayGeneration;
-use crate::geometry::{Numerics, Ray};
+use crate::bvh::{Numerics, Ray};
 use crate::shading::LightSample;
 use crate::world::{InteractionSoa, Vec3Soa, simd};
 

@@ -7,10 +7,9 @@ use glam::{DVec2, DVec3};
 use serde::{Serialize, Serializer};
 
 use super::RayKind;
-use crate::bvh::{Primitive, Traversal};
+use crate::bvh::{Primitive, Ray, Traversal};
 use crate::error::printable;
 use crate::film::rounding::quantise;
-use crate::geometry::Ray;
 use crate::shading::SurfaceTerms;
 use crate::world::{Recentering, SurfaceInteraction, World};
 

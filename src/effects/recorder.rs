@@ -10,7 +10,7 @@ use super::record::{HitRecord, LayerRecord, RayRecord, SampleRecord, ShadowRayRe
 use super::samples::{SampleIndex, TileSamples, list_samples};
 use super::tile::Tile;
 use super::transparency::layer_weight;
-use crate::geometry::Rays;
+use crate::bvh::detail::Rays;
 use crate::world::World;
 
 /// Records the samples of a pixel.

@@ -19,8 +19,8 @@ use super::region::SampledRegion;
 use super::sample_pass::SamplePass;
 use super::tile::{Tile, vec_bytes};
 use super::variance::SampleVariance;
+use crate::bvh::detail::RayBuffer;
 use crate::film::{ColourPipeline, ReconstructionFilter, Window};
-use crate::geometry::RayBuffer;
 use crate::scene::PixelSampler;
 #[cfg(doc)]
 use crate::world::RAYS_PER_BATCH;

@@ -16,8 +16,7 @@ use glam::DVec3;
 use super::plan::transport_for;
 use super::tile::{RayGeneration, RenderContext, StartPoints, Tile, vec_bytes};
 use super::{Effect, EffectContext, Hook, PlanSettings, RayKind, Stage, id, named};
-use crate::geometry::RayBuffer;
-use crate::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET};
+use crate::bvh::detail::{EDGE_DISTANCE, ORIGIN_OFFSET, RayBuffer};
 use crate::world::{InteractionSoa, Vec3Soa, World, WorldObject};
 
 /// Occlusion tests between points and their lifted positions.

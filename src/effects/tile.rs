@@ -13,8 +13,8 @@ use super::RayKind;
 use super::recorder::Recorder;
 use super::unlit::has_unlit;
 use crate::bvh::Traversal;
+use crate::bvh::detail::{HitBuffer, RayBuffer};
 use crate::film::{DisplayTransform, Window};
-use crate::geometry::{HitBuffer, RayBuffer};
 use crate::shading::{LightSoa, Scratch};
 #[cfg(doc)]
 use crate::world::RAYS_PER_BATCH;

@@ -2,7 +2,7 @@
 //!
 //! The opacity of a surface depends on the point alone: textures are looked up at full size, so that camera rays and
 //! shadow rays see the same holes. A ray that passes through starts anew behind the surface, as a transmitted ray does
-//! ([`crate::geometry::spawn`]), and keeps its direction.
+//! ([`SurfacePoint`](crate::bvh::detail::SurfacePoint)), and keeps its direction.
 //!
 //! Where a pixel takes several samples, or paths are traced, a ray hits a surface of opacity α with probability α
 //! (stochastic transparency; Enderton, Sintorn, Shirley and Luebke, 2010). Where it takes one, its camera ray sees all
@@ -15,8 +15,8 @@ use super::RayKind;
 use super::random::{self, Dimension};
 use super::samples::{SampleIndex, list_samples};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use crate::bvh::Traversal;
-use crate::geometry::{Hit, HitBuffer, Ray, RayBuffer};
+use crate::bvh::detail::{HitBuffer, RayBuffer};
+use crate::bvh::{Hit, Ray, Traversal};
 use crate::scene::{PixelSampler, TextureFilter};
 use crate::shading;
 pub(crate) use crate::shading::VISIBLE_FROM;

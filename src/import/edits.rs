@@ -126,7 +126,7 @@ fn with_colour_of(mut material: Material, other: &Material) -> Material {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Sphere;
+    use crate::bvh::Sphere;
     use crate::scene::option::import_options::NAMED_MATERIALS;
     use crate::scene::{OptionValue, Phong, Shape};
     use glam::DVec3;

@@ -13,6 +13,8 @@ use rayon::prelude::*;
 use super::cryptomatte::{self, Matte};
 use super::features::{FeatureSums, Features, filter_of, first_surfaces, plan_without_light};
 use super::{RenderControl, render_displayed};
+use crate::bvh::detail::{HitBuffer, Rays};
+use crate::bvh::{Hit, Ray};
 use crate::effects::Plan;
 use crate::effects::tile::{RenderContext, Tile};
 use crate::effects::variance::PixelStatistics;
@@ -20,7 +22,6 @@ use crate::error::{Error, Result, ended, nearest_name};
 use crate::farm::Shard;
 use crate::film::write::{Channel, DEPTH};
 use crate::film::{DisplayTransform, Film, ReconstructionFilter, Window};
-use crate::geometry::{Hit, HitBuffer, Ray, Rays};
 use crate::world::{Recentering, View, World};
 
 /// The pixels of a tile, of which AOVs have values.

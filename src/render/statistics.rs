@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::Worker;
-use crate::bvh::Tests;
+use crate::bvh::detail::Tests;
 use crate::effects::tile::{PathCount, RayCount, Tile};
 use crate::effects::{EFFECTS, EffectId, Plan, RayKind, id};
 

@@ -36,10 +36,8 @@ mod material;
 pub mod option;
 mod up;
 
-pub use crate::geometry::{
-    AnalyticShape, Attribute, Disk, Mesh, Numerics, Placed, Placement, Sphere, Step, is_mirror,
-    moved_tangent, normal_matrix,
-};
+pub use crate::bvh::detail::{Attribute, Step, is_mirror, moved_tangent, normal_matrix};
+pub use crate::bvh::{AnalyticShape, Disk, Mesh, Numerics, Placed, Placement, Sphere};
 pub use crate::limits::{Counted, Limits};
 pub use animation::Animation;
 pub use animation::clip::{Clip, ClipChoice, ClipTime};
@@ -79,9 +77,8 @@ pub use up::{UpAxis, UpChoice};
 
 use mesh::support::{AffineFunction, PointTrees, can_be_seen};
 
-use crate::bvh::{Bvh, NotFinite, Preset, Primitive};
+use crate::bvh::{Bvh, NotFinite, Preset, PrimId, Primitive, Triangle};
 use crate::film::Colour;
-use crate::geometry::{PrimId, Triangle};
 use glam::DVec3;
 use mesh::support;
 

@@ -146,7 +146,7 @@ fn specular(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Hit, PrimId, SlotId};
+    use crate::bvh::{Hit, PrimId, SlotId};
 
     fn surface(view: DVec3) -> SurfaceInteraction {
         let hit = Hit { t: 1.0, prim: PrimId(0), slot: SlotId::new(0), barycentrics: [0.0; 2] };

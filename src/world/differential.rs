@@ -5,8 +5,7 @@ use glam::{DVec2, DVec3};
 
 use super::World;
 use super::interaction::SurfaceInteraction;
-use crate::bvh::Primitive;
-use crate::geometry::{Hit, PrimId, Ray};
+use crate::bvh::{Hit, PrimId, Primitive, Ray};
 use crate::scene::mesh::vertex_attributes::blend;
 
 /// A ray differential: the change of a ray from one pixel to the next, to the right and down.

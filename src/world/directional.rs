@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use crate::geometry::sin_cos_of_turns;
+use super::turns::sin_cos_of_turns;
 
 /// The disc of a directional light.
 #[derive(Debug, Clone, Copy)]

@@ -9,11 +9,11 @@ use super::guide::{find, guide};
 use super::light_tree::{LightTree, LocalLight, MANY};
 use super::rectangle::Rectangle;
 use super::sampled_triangle::{SampledTriangle, TriangleSample, TwoTriangles};
+use super::shape_sampling;
 use super::{Image, PreparedMaterial, SurfaceInteraction};
-use crate::bvh::Primitive;
+use crate::bvh::detail::{Precision, SurfacePoint};
+use crate::bvh::{AnalyticShape, PrimId, Primitive, Triangle};
 use crate::film::colour::luminance;
-use crate::geometry::spawn::SurfacePoint;
-use crate::geometry::{AnalyticShape, Precision, PrimId, Triangle};
 use crate::scene::{Attribute, Mesh, Object, Shape, TextureSlot};
 
 /// The emissive primitives of a world. Both sides of a surface emit, except of lights with a front.
@@ -307,14 +307,15 @@ impl Emitters {
                 (direction, sample.point, normal, barycentrics, pdf)
             }
             EmitterShape::Analytic(shape) => {
-                let (direction, distance) = shape.sample(from, numbers)?;
+                let (direction, distance) = shape_sampling::sample(shape, from, numbers)?;
                 let (point, outward) = shape.surface(from + direction * distance);
                 let is_back = outward.dot(direction) > 0.0;
                 if is_back && self.is_one_sided(id) {
                     return None;
                 }
                 let normal = if is_back { -outward } else { outward };
-                let pdf = density * shape.area() / shape.sampled_solid_angle(from, point.position);
+                let pdf =
+                    density * shape.area() / shape_sampling::sampled_solid_angle(shape, from, point.position);
                 (direction, point, normal, [1.0, 0.0, 0.0], pdf)
             }
         };
@@ -358,7 +359,9 @@ impl Emitters {
                 let to_light = position - from;
                 density * to_light.length_squared() / to_light.normalize().dot(normal).abs()
             }
-            Some(shape) => density * shape.area() / shape.sampled_solid_angle(from, position),
+            Some(shape) => {
+                density * shape.area() / shape_sampling::sampled_solid_angle(&shape, from, position)
+            }
         }
     }
 }

@@ -7,9 +7,9 @@ use glam::{DVec3, DVec4, Vec4};
 
 use super::bilinear_distribution::{BilinearDistribution, Cell};
 use super::sky;
+use super::turns::sin_cos_of_turns;
 use crate::film::ColourPipeline;
 use crate::film::colour::srgb_encode;
-use crate::geometry::sin_cos_of_turns;
 use crate::scene::{Environment, EnvironmentSource};
 
 /// The environment of a world.

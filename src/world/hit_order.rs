@@ -1,7 +1,7 @@
 //! The order of the surface interactions of a generation.
 
 use super::soa::{PerRay, RAYS_PER_BATCH};
-use crate::geometry::HitBuffer;
+use crate::bvh::detail::HitBuffer;
 
 /// Batches are sorted whose hits are on primitives of lower numbers than this.
 const MAX_SORTED: usize = 64;

@@ -5,11 +5,11 @@ use std::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 
 use super::attributes::vertex_colour;
+use super::turns::sin_cos_of_turns;
 use super::{InteractionSoa, PreparedMaterial, World, WorldObject};
-use crate::bvh::{Primitive, Traversal};
+use crate::bvh::detail::{ORIGIN_OFFSET, SurfacePoint, point_at};
+use crate::bvh::{AnalyticShape, Hit, Numerics, PrimId, Primitive, Ray, Traversal};
 use crate::film::ColourPipeline;
-use crate::geometry::spawn::{ORIGIN_OFFSET, SurfacePoint, point_at};
-use crate::geometry::{AnalyticShape, Hit, Numerics, PrimId, Ray, sin_cos_of_turns};
 use crate::scene::TextureSlot;
 use crate::scene::mesh::vertex_attributes::{blend, smooth_normal};
 
@@ -146,7 +146,7 @@ impl WorldObject {
 impl World {
     /// The point, with its start moved before the hit if a face lies between the incoming ray and the start. That ray
     /// has length `distance`; `view` is the unit direction towards its origin, `normal` is on the same side. See
-    /// [`crate::geometry::spawn`].
+    /// [`SurfacePoint`](crate::bvh::detail::SurfacePoint).
     #[inline(always)]
     pub(super) fn with_visible_start(
         &self,
@@ -338,7 +338,7 @@ mod tests {
     use glam::DMat4;
 
     use super::*;
-    use crate::bvh::Layout;
+    use crate::bvh::detail::Layout;
     use crate::scene::{Attribute, Mesh, Placed, Placement, Scene, Shape};
 
     /// A mesh of four triangles around the z axis, with vertex normals of any length, one of them zero, and texture

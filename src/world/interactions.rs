@@ -13,9 +13,8 @@ use super::interaction::SurfaceInteraction;
 use super::simd;
 use super::soa::{Flags, PerRay, RAYS_PER_BATCH, Vec3Soa};
 use super::texels::Texels;
-use crate::bvh::Primitive;
-use crate::geometry::spawn::{EdgeTest, SurfacePoint};
-use crate::geometry::{AnalyticShape, Hit, HitBuffer, PrimId, RayBuffer, SlotId, Triangle};
+use crate::bvh::detail::{EdgeTest, HitBuffer, RayBuffer, SurfacePoint};
+use crate::bvh::{AnalyticShape, Hit, PrimId, Primitive, SlotId, Triangle};
 
 /// The shortest run of hits on one primitive that is computed in a loop of its own.
 const MIN_RUN: usize = 4;

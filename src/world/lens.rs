@@ -9,11 +9,12 @@ use glam::{DVec2, DVec3};
 
 use super::simd;
 use super::soa::{PerRay, Vec3Soa};
+use super::turns::sin_cos_of_turns;
 use super::view::FARTHEST;
 use super::{View, World};
-use crate::bvh::Traversal;
+use crate::bvh::detail::{Precision, RayBuffer};
+use crate::bvh::{Ray, Traversal};
 use crate::error::{Error, Result};
-use crate::geometry::{Precision, Ray, RayBuffer, sin_cos_of_turns};
 use crate::scene::{Camera, Focus, Lens};
 
 /// The lens of a [`View`].

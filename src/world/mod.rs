@@ -26,10 +26,12 @@ mod mip_map;
 mod recenter;
 mod rectangle;
 mod sampled_triangle;
+mod shape_sampling;
 mod sky;
 mod soa;
 mod texels;
 mod touched;
+mod turns;
 mod view;
 mod volumes;
 
@@ -58,6 +60,7 @@ pub(crate) use sampled_triangle::{TriangleSample, TwoTriangles};
 pub(crate) use soa::select;
 pub use soa::{Flags, PerRay, RAYS_PER_BATCH, Vec3Soa};
 pub use texels::Texels;
+pub(crate) use turns::sin_cos_of_turns;
 pub use view::{View, basis};
 pub(crate) use volumes::Volumes;
 
@@ -66,10 +69,10 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::bvh::{self, Accelerator, Instance, Layout, MeshSpace, Slot};
+use crate::bvh::detail::{Accelerator, Instance, Layout, MeshSpace, Slot};
+use crate::bvh::{self, Numerics, PrimId};
 use crate::error::printable;
 use crate::film::{Colour, ColourPipeline};
-use crate::geometry::{Numerics, PrimId};
 use crate::scene::{
     AddedLight, DefaultLook, Environment, Fill, Ground, Light, LightKind, Material, MaterialId, Mesh, Object,
     Scene, Shape,
@@ -287,7 +290,7 @@ impl World {
         let mut kept = 0;
         let slots = slots(&scene.objects, &firsts, &shared, numerics).inspect(|_| kept += 1);
         let instanced: usize = instances.iter().map(|i| i.placed.triangle_count()).sum();
-        let accelerator = bvh::build_with_instances(slots, instances, structure, numerics);
+        let accelerator = bvh::detail::build_with_instances(slots, instances, structure, numerics);
         let primitive_count = scene.primitive_count();
         let environment =
             environment.as_ref().map(|environment| PreparedEnvironment::new(environment, pipeline).into());
@@ -444,7 +447,7 @@ fn instances(objects: &[Object], structure: Layout, numerics: Numerics) -> Parti
         };
         let mesh = &placed.mesh;
         let space = meshes.entry(Arc::as_ptr(mesh)).or_insert_with(|| MeshSpace::of(mesh));
-        let fits = space.is_some_and(|space| bvh::can_be_instance(placed, &space, numerics));
+        let fits = space.is_some_and(|space| bvh::detail::can_be_instance(placed, &space, numerics));
         parts.shared.push(fits);
         if !fits {
             continue;

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::view::basis;
-use crate::geometry::Mesh;
+use crate::bvh::Mesh;
 
 /// Solid angle in steradians below which points are sampled by area, as pbrt does below 3e-4 (4th edition, section
 /// 6.5.4). The parametrisation loses digits as the solid angle falls and for thin rectangles seen from close by: down

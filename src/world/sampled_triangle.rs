@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use crate::geometry::Triangle;
-use crate::geometry::spawn::{EdgeTest, SurfacePoint, point_at, reach_of};
+use crate::bvh::Triangle;
+use crate::bvh::detail::{EdgeTest, SurfacePoint, point_at, reach_of};
 
 /// A triangle, with what all of its points have in common.
 pub(super) struct SampledTriangle {

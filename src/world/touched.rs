@@ -11,7 +11,7 @@
 //! n or -n, and |r| <= √3 e R the light's height above the plane. At the share s of the way to the light the ray is h
 //! (1 - s) + r above the plane. It is tested up to the share 1 - 2 e R / h, where that is 2 e R + r > 0: so it does not
 //! reach the plane, whatever its angle. The remaining 0.26 e R exceeds the errors of triangle tests
-//! (`geometry::spawn`). In exact arithmetic a segment that ends on the plane does not cross it either. Surfaces within
+//! (kiln-bvh's `geometry::spawn`). In exact arithmetic a segment that ends on the plane does not cross it either. Surfaces within
 //! 2 e R of the light along n do not occlude it, since their position is not known more precisely; surfaces farther
 //! away do.
 //!
@@ -24,9 +24,8 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::WorldLight;
-use crate::bvh::Primitive;
-use crate::geometry::Numerics;
-use crate::geometry::spawn::reach_of;
+use crate::bvh::detail::reach_of;
+use crate::bvh::{Numerics, Primitive};
 use crate::scene::{Mesh, Object, Placed, Shape};
 
 /// Maximum number of planes per light. Further ones, at a vertex of many triangles, may occlude it.

@@ -14,7 +14,8 @@ use super::simd;
 use super::soa::RAYS_PER_BATCH;
 use crate::error::{Error, Result};
 use crate::film::{TILE, Window};
-use crate::geometry::{Precision, Ray, RayBuffer};
+use crate::bvh::detail::{Precision, RayBuffer};
+use crate::bvh::Ray;
 use crate::scene::{Camera, Projection};
 
 /// The sine of the angle between up and the view direction below which another up is used. The basis loses as many decimal digits

@@ -12,7 +12,7 @@ use glam::DVec3;
 
 use super::PreparedMaterial;
 use crate::bvh::Primitive;
-use crate::geometry::spawn::EDGE_DISTANCE;
+use crate::bvh::detail::EDGE_DISTANCE;
 use crate::scene::mesh::support::PointTrees;
 use crate::scene::mesh::topology::Topology;
 use crate::scene::{Material, Mesh, Object, Phong, Shape, bounds};

@@ -2,8 +2,11 @@
 
 use crate::common::oracle::moved;
 use crate::common::{Numbers, models};
-use kiln::bvh::{Bvh, Closedness, Containment, InsideRule, NotClosed, Preset, Primitive, Traversal};
-use kiln::geometry::{Disk, Numerics, PrimId, Ray, RayBuffer, Side, Triangle};
+use kiln::bvh::detail::RayBuffer;
+use kiln::bvh::{
+    Bvh, Closedness, Containment, Disk, InsideRule, NotClosed, Numerics, Preset, PrimId, Primitive, Ray,
+    Side, Traversal, Triangle,
+};
 use kiln::glam::DVec3;
 
 type Corners = [DVec3; 3];
@@ -435,7 +438,7 @@ fn batches_are_answered_in_their_order() {
             assert_eq!(distances[index], bvh.signed_distance(point, traversal));
         }
         assert!(inside.iter().any(|of| of.is_inside) && closest[17].is_none());
-        assert!(bvh.par_closest_points(&[]).is_empty());
+        assert!(bvh.par_closest_points(&[[0.0; 3]; 0]).is_empty());
     }
 }
 

@@ -11,8 +11,8 @@ use crate::common::hard::results::Faults;
 use crate::common::hard::{Corners, ball, corners_of, numbered, placed, times_factor, triangles};
 use crate::common::oracle::{self, Distance};
 use glam::DVec3;
-use kiln::bvh::{Accelerator, Bvh, Layout, Preset, Primitive, Slot, Traversal, build};
-use kiln::geometry::{Disk, Numerics, Precision, PrimId, Ray, Triangle};
+use kiln::bvh::detail::{Accelerator, Layout, Precision, Slot, build};
+use kiln::bvh::{Bvh, Disk, Numerics, Preset, PrimId, Primitive, Ray, Traversal, Triangle};
 
 /// What was compared, to be printed.
 #[derive(Debug, Default)]

@@ -8,7 +8,7 @@ use crate::common::oracle::{
     sign_with_root, sign_with_two_roots,
 };
 use glam::DVec3;
-use kiln::geometry::Ray;
+use kiln::bvh::Ray;
 use num_bigint::BigInt;
 
 /// As given: not rounded.

@@ -10,11 +10,13 @@ use crate::common::picture::{bits, prepare};
 use crate::common::places::{FAMILIES, Family};
 use crate::common::{Numbers, picture};
 use glam::{DMat4, DQuat, DVec2, DVec3, DVec4};
-use kiln::bvh::{Instance, Layout, MeshSpace, Preset, Traversal, build_with_instances, can_be_instance};
+use kiln::bvh::detail::{
+    HitBuffer, Instance, Layout, MeshSpace, RayBuffer, build_with_instances, can_be_instance,
+};
+use kiln::bvh::{Hit, Numerics, Preset, PrimId, Ray, SlotId, Sphere, Traversal};
 use kiln::effects::whitted::{glaze, shadows};
 use kiln::effects::{PlanSettings, RayKind};
 use kiln::film::ColourPipeline;
-use kiln::geometry::{Hit, HitBuffer, Numerics, PrimId, Ray, RayBuffer, SlotId, Sphere};
 use kiln::scene::{
     Attribute, DecodedImage, Glaze, ImageId, Material, MaterialId, Mesh, Object, Phong, Placed, Placement,
     Scene, Shape, Step, Texture, TextureSampler, TextureSlot, Textures,

@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use crate::common::Numbers;
+use kiln::bvh::detail::{HitBuffer, Layout, Precision, RayBuffer, Slot, build};
 use kiln::bvh::{
-    Bvh, InvalidMesh, InvalidRays, Layout, NotFinite, Preset, Primitive, RayList, Slot, Traversal, build,
+    Bvh, Hit, InvalidMesh, InvalidRays, NotFinite, Numerics, Preset, PrimId, Primitive, RayList, Traversal,
+    Triangle,
 };
 use kiln::film::ColourPipeline;
-use kiln::geometry::{Hit, HitBuffer, Numerics, Precision, PrimId, RayBuffer, Triangle};
 use kiln::glam::{DMat4, DVec3};
 use kiln::scene::{Material, Mesh, Object, Phong, Placed, Placement, Scene, Shape, Sphere as SceneSphere};
 use kiln::world::World;

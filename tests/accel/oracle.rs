@@ -4,11 +4,8 @@
 use crate::common::hard::times_factor;
 use crate::common::{self, Numbers, origin_on_border};
 use glam::DVec3;
-use kiln::bvh::{Layout, Primitive, Slot, Traversal, build};
-use kiln::geometry::spawn::SurfacePoint;
-use kiln::geometry::{
-    AnalyticShape, Disk, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, RayBuffer, Sphere, Triangle,
-};
+use kiln::bvh::detail::{HitBuffer, Layout, Precision, RayBuffer, Slot, SurfacePoint, build};
+use kiln::bvh::{AnalyticShape, Disk, Hit, Numerics, PrimId, Primitive, Ray, Sphere, Traversal, Triangle};
 
 /// How many rays are asked about at once.
 const BATCH: usize = 64;
@@ -238,7 +235,7 @@ fn assert_equal_to_brute_force(slots: &[Slot], rays: &[Ray], what: &str, numeric
             found.zip(&expected).filter(|((hit, blocked), e)| bits(*hit) != **e || *blocked != e.is_some());
         assert_eq!(wrong.count(), 0, "{what}, {structure:?}, in batches");
 
-        let all = |accelerator: &dyn kiln::bvh::Accelerator, ray: &Ray| {
+        let all = |accelerator: &dyn kiln::bvh::detail::Accelerator, ray: &Ray| {
             let mut hits = Vec::new();
             accelerator.all_hits(ray, &mut hits, &mut Traversal::default());
             let mut hits: Vec<_> = hits.into_iter().map(|hit| bits(Some(hit))).collect();
@@ -484,7 +481,7 @@ fn fast_is_right_inside_of_triangles_and_depends_on_structures_at_edges() {
     let centres = sorted(corners().map(|[a, b, c]| (a + b + c) / 3.0).collect());
     let edges = sorted(corners().map(|[a, b, _]| (a + b) / 2.0).collect());
     let outwards = |to: &[DVec3]| to.iter().map(|p| ray(origin, *p * 2.0)).collect::<Vec<_>>();
-    let answers = |tree: &dyn kiln::bvh::Accelerator, rays: &[Ray]| {
+    let answers = |tree: &dyn kiln::bvh::detail::Accelerator, rays: &[Ray]| {
         let (mut hits, mut traversal) = (HitBuffer::default(), Traversal::default());
         RayBuffer::from(rays)
             .rays()
@@ -493,7 +490,7 @@ fn fast_is_right_inside_of_triangles_and_depends_on_structures_at_edges() {
         let alone: Vec<_> = rays.iter().map(|ray| tree.closest_hit(ray, &mut traversal)).collect();
         [alone, hits.iter().collect::<Vec<_>>()]
     };
-    let occluded = |tree: &dyn kiln::bvh::Accelerator, rays: &[Ray]| {
+    let occluded = |tree: &dyn kiln::bvh::detail::Accelerator, rays: &[Ray]| {
         let (mut occluded, mut traversal) = (Vec::new(), Traversal::default());
         RayBuffer::from(rays)
             .rays()

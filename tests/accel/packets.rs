@@ -2,10 +2,8 @@
 
 use crate::common::Numbers;
 use glam::DVec3;
-use kiln::bvh::{Layout, Primitive, Slot, Traversal, build};
-use kiln::geometry::{
-    AnalyticShape, Disk, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, RayBuffer, Sphere, Triangle,
-};
+use kiln::bvh::detail::{HitBuffer, Layout, Precision, RayBuffer, Slot, build};
+use kiln::bvh::{AnalyticShape, Disk, Hit, Numerics, PrimId, Primitive, Ray, Sphere, Traversal, Triangle};
 
 /// As many rays as a tile has.
 const TILE: usize = 256;

@@ -2,8 +2,10 @@
 
 use crate::common::Numbers;
 use glam::DVec3;
-use kiln::bvh::{Bvh, Layout, NotFinite, Preset, Primitive, Slot, Traversal, Update, build};
-use kiln::geometry::{Disk, Hit, HitBuffer, Numerics, PrimId, Ray, RayBuffer, Sphere, Triangle};
+use kiln::bvh::detail::{HitBuffer, Layout, RayBuffer, Slot, build};
+use kiln::bvh::{
+    Bvh, Disk, Hit, NotFinite, Numerics, Preset, PrimId, Primitive, Ray, Sphere, Traversal, Triangle, Update,
+};
 
 /// Triangles with corners within 0.1 of a point of the cube, and a ball or a disk for every tenth.
 fn crowd(count: usize, numbers: &mut Numbers) -> Vec<Primitive> {
@@ -103,7 +105,7 @@ fn a_refitted_structure_answers_as_brute_force_does() {
                     assert_eq!(bits(hit), bits(expected), "{what}");
                     assert_eq!(bits(refitted.closest_hit(ray, &mut traversal)), bits(expected), "{what}");
                     assert_eq!(refitted.is_occluded(ray, &mut traversal), expected.is_some(), "{what}");
-                    let all = |accelerator: &dyn kiln::bvh::Accelerator| {
+                    let all = |accelerator: &dyn kiln::bvh::detail::Accelerator| {
                         let mut hits = Vec::new();
                         accelerator.all_hits(ray, &mut hits, &mut Traversal::default());
                         hits.sort_unstable_by_key(|hit| hit.prim);

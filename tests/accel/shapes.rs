@@ -3,8 +3,8 @@
 
 use std::sync::Arc;
 
-use kiln::bvh::{Bvh, Preset, Primitive, SignedHit, Traversal};
-use kiln::geometry::{Numerics, PrimId, Ray, RayBuffer, Side, UserGeometry};
+use kiln::bvh::detail::RayBuffer;
+use kiln::bvh::{Bvh, Numerics, Preset, PrimId, Primitive, Ray, Side, SignedHit, Traversal, UserGeometry};
 use kiln::glam::DVec3;
 
 use crate::common::Numbers;

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use glam::{DMat4, DQuat, DVec3};
 use kiln::animation::turntable;
-use kiln::bvh::{Layout, Preset};
+use kiln::bvh::Preset;
+use kiln::bvh::detail::Layout;
 use kiln::effects::{Plan, PlanSettings};
 use kiln::error::{Place, Warnings};
 use kiln::film::{ColourPipeline, Film, Window};

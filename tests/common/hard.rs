@@ -12,8 +12,8 @@ pub mod spheres;
 pub mod tree_inputs;
 
 use glam::DVec3;
-use kiln::bvh::{Primitive, Slot};
-use kiln::geometry::{Precision, PrimId, Ray, Sphere, Triangle};
+use kiln::bvh::detail::{Precision, Slot};
+use kiln::bvh::{PrimId, Primitive, Ray, Sphere, Triangle};
 
 /// The corners of a triangle.
 pub type Corners = [DVec3; 3];

@@ -26,13 +26,13 @@ pub fn barycentrics_on_borders(numbers: &mut Numbers) -> [f64; 3] {
 /// normal.
 pub fn origin_on_border(
     corners: [glam::DVec3; 3],
-    numerics: kiln::geometry::Numerics,
+    numerics: kiln::bvh::Numerics,
     numbers: &mut Numbers,
 ) -> Option<(glam::DVec3, glam::DVec3)> {
     let corners = corners.map(|p| p.map(|c| numerics.precision().round(c)));
-    let normal = kiln::geometry::Triangle(corners).unit_normal()?;
+    let normal = kiln::bvh::Triangle(corners).unit_normal()?;
     let normal = if numbers.below(2) == 0 { normal } else { -normal };
-    let point = kiln::geometry::spawn::SurfacePoint::on_triangle(corners, barycentrics_on_borders(numbers));
+    let point = kiln::bvh::detail::SurfacePoint::on_triangle(corners, barycentrics_on_borders(numbers));
     Some((point.origin_towards(normal, numerics), normal))
 }
 

@@ -18,7 +18,7 @@ mod rounding;
 use std::cmp::Ordering;
 
 use glam::DVec3;
-use kiln::geometry::Ray;
+use kiln::bvh::Ray;
 
 // Only some test binaries use the signs.
 #[allow(unused_imports)]

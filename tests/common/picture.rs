@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use glam::{DMat4, DVec3};
-use kiln::bvh::{Layout, Traversal};
+use kiln::bvh::detail::Layout;
+use kiln::bvh::{Hit, Ray, Traversal};
 use kiln::effects::{Plan, PlanSettings};
 use kiln::error::Warnings;
 use kiln::film::{Film, Window};
-use kiln::geometry::{Hit, Ray};
 use kiln::job::RenderSettings;
 use kiln::render::{RenderControl, Statistics, render};
 use kiln::scene::{Numerics, PictureSettings, PixelSampler, Sampling, Scene, Shape, Step};

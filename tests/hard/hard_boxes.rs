@@ -14,12 +14,18 @@ use crate::common::hard::results::Faults;
 use crate::common::hard::{meshes, placed, ray, ray_towards, single, times_factor, triangles};
 use crate::common::oracle::line_box;
 use glam::DVec3;
-use kiln::bvh::{Layout, Preset, Traversal, build};
-use kiln::geometry::{Numerics, Ray, round_up};
+use kiln::bvh::detail::{Layout, build};
+use kiln::bvh::{Numerics, Preset, Ray, Traversal};
 
 /// At least half of the rays hit: the rays are aimed at what the test is about.
 fn mostly_hits(summary: Summary) {
     assert!(summary.hit * 2 > summary.rays, "{summary:?}");
+}
+
+/// The least f32 number that is not below a number.
+fn round_up(x: f64) -> f32 {
+    let nearest = x as f32;
+    if f64::from(nearest) < x { nearest.next_up() } else { nearest }
 }
 
 /// Boxes with f32 corners, some without depth, with sizes and positions over six powers of ten; rays through their

@@ -22,8 +22,8 @@ use crate::common::hard::{
     Corners, ball, meshes, numbered, placed, ray, ray_towards, single, times_factor, tree_inputs, triangles,
 };
 use glam::DVec3;
-use kiln::bvh::{Layout, Preset, Slot, build};
-use kiln::geometry::{Numerics, Ray};
+use kiln::bvh::detail::{Layout, Slot, build};
+use kiln::bvh::{Numerics, Preset, Ray};
 
 /// Nested triangles whose sizes grow by factors of 1.01 and of 2, over 80 powers of two, and triangles of random sizes
 /// over the same range.

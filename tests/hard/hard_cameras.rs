@@ -8,8 +8,8 @@ use crate::common::Numbers;
 use crate::common::borders::{CUBE, Folder, TIGHT, camera, field, films, scene, sound, tiers, under};
 use crate::common::picture::{Prepared, prepare};
 use glam::DVec3;
+use kiln::bvh::detail::Precision;
 use kiln::error::Error;
-use kiln::geometry::Precision;
 use kiln::scene::{Camera, Numerics, Projection, Scene};
 use kiln::world::View;
 

@@ -9,9 +9,9 @@ use crate::common::borders::{CUBE, Folder, TIGHT, camera, films, scene, sound};
 use crate::common::gltf::Model;
 use crate::common::picture::{bits, equip, prepare};
 use glam::DVec3;
-use kiln::bvh::{Layout, Traversal};
+use kiln::bvh::detail::Layout;
+use kiln::bvh::{Hit, Ray, Traversal};
 use kiln::film::ColourPipeline;
-use kiln::geometry::{Hit, Ray};
 use kiln::scene::{Numerics, Projection, Scene};
 use kiln::world::World;
 use serde_json::json;
@@ -347,7 +347,7 @@ fn b5_a_mesh_half_of_degenerates_renders_as_the_clean_one() {
                         );
                     }
                     (found, expected) => {
-                        let key = |hit: &Option<kiln::geometry::Hit>, by: u32| {
+                        let key = |hit: &Option<kiln::bvh::Hit>, by: u32| {
                             hit.map(|hit| (hit.t.to_bits(), hit.prim.0 / by))
                         };
                         assert_eq!(key(found, 2), key(expected, 1), "{}", numerics.name());

@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicBool;
 use crate::common::borders::{Folder, camera, scene, sound, tiers};
 use crate::common::picture::{bits, prepare};
 use glam::DVec3;
-use kiln::bvh::Layout;
+use kiln::bvh::detail::Layout;
 use kiln::effects::{Plan, PlanSettings};
 use kiln::film::Window;
 use kiln::render::{RenderControl, render};

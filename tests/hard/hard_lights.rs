@@ -8,8 +8,9 @@ use crate::common::borders::{CUBE, Folder, TIGHT, assert_sound, camera, films, s
 use crate::common::gltf::Model;
 use crate::common::picture::{Prepared, picture, prepare};
 use glam::{DQuat, DVec3};
+use kiln::bvh::Hit;
+use kiln::bvh::detail::Precision;
 use kiln::film::Colour;
-use kiln::geometry::{Hit, Precision};
 use kiln::scene::{Falloff, Light, LightKind, Numerics, Projection};
 
 /// Ambient light of 0.25, linear values (which are not clamped, unlike those of `display`), a white diffuse material.

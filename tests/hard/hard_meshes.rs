@@ -12,8 +12,8 @@ use crate::common::hard::{
     Corners, fine_ray_towards, meshes, ray, ray_towards, single, single_mesh, times_factor, triangles,
 };
 use glam::{DQuat, DVec3};
-use kiln::bvh::{Traversal, build};
-use kiln::geometry::{Numerics, Ray};
+use kiln::bvh::detail::build;
+use kiln::bvh::{Numerics, Ray, Traversal};
 
 /// Rays from near the middle of a closed mesh at points of shared edges and corners.
 fn from_inside(mesh: &[Corners], centre: DVec3, half_side: f64, count: usize, seed: u64) -> Vec<Ray> {

@@ -17,8 +17,8 @@ use crate::common::hard::{
     triangles,
 };
 use glam::DVec3;
-use kiln::bvh::{Layout, Slot, Traversal, build};
-use kiln::geometry::{Numerics, PrimId, Ray};
+use kiln::bvh::detail::{Layout, Slot, build};
+use kiln::bvh::{Numerics, PrimId, Ray, Traversal};
 
 /// At least half of the rays hit: the rays are aimed at what the test is about.
 fn mostly_hits(summary: Summary) {

@@ -3,8 +3,7 @@
 use crate::common;
 use crate::common::picture::{Prepared, bits, equip, load, picture, placed, prepare};
 use glam::DVec3;
-use kiln::bvh::Traversal;
-use kiln::geometry::Ray;
+use kiln::bvh::{Ray, Traversal};
 use kiln::scene::{Numerics, Projection, Scene};
 
 /// The assignment scene from its second viewpoint.

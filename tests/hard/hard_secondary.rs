@@ -6,12 +6,13 @@ use crate::common::hard::{meshes, times_factor};
 use crate::common::picture::{parse, prepare};
 use crate::common::{Numbers, barycentrics_on_borders};
 use glam::{DMat3, DMat4, DQuat, DVec3};
-use kiln::bvh::{Accelerator, Layout, Primitive, Slot, Traversal, build};
+use kiln::bvh::detail::{
+    Accelerator, EDGE_DISTANCE, HitBuffer, Layout, ORIGIN_OFFSET, RayBuffer, Slot, SurfacePoint, build,
+};
+use kiln::bvh::{Numerics, PrimId, Primitive, Ray, Traversal, Triangle};
 use kiln::effects::whitted::glaze::mirrored_ray;
 use kiln::effects::{PlanSettings, shadow_ray, terminator};
 use kiln::film::ColourPipeline;
-use kiln::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET, SurfacePoint};
-use kiln::geometry::{HitBuffer, Numerics, PrimId, Ray, RayBuffer, Triangle};
 use kiln::scene::{Attribute, Mesh, Placed, Placement, Scene, Shape, Transport};
 use kiln::shading::LightSample;
 use kiln::world::World;
@@ -863,7 +864,7 @@ fn e7_tiny_spheres_far_away_do_not_shadow_themselves() {
         [(1e-3, 900.0), (1e-6, 900.0), (900.0 * 2f64.powi(-37), 900.0), (1.0, 1e6), (1.0, 0.0)]
     {
         let centre = DVec3::new(1.0, -0.3, 0.6) * far;
-        let sphere = kiln::geometry::Sphere { centre, radius };
+        let sphere = kiln::bvh::Sphere { centre, radius };
         let slot = Slot { primitive: Primitive::from(sphere), id: PrimId(0) };
         for numerics in CLOSED {
             let accelerator = build([slot], Layout::default(), numerics);

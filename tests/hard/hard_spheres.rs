@@ -9,7 +9,7 @@
 use crate::common::hard::check::{Summary, judge, scales_to_the_bit};
 use crate::common::hard::spheres::{self, Ball};
 use crate::common::hard::{ball, numbered, times_factor};
-use kiln::geometry::Numerics;
+use kiln::bvh::Numerics;
 
 fn judged(ball_and_rays: &Ball) -> Summary {
     let Ball { name, centre, radius, rays } = ball_and_rays;

@@ -19,8 +19,8 @@ use crate::common::hard::{
     Corners, meshes, placed, ray, ray_towards, single, single_mesh, times_factor, tree_inputs, triangles,
 };
 use glam::DVec3;
-use kiln::bvh::{Layout, Traversal, build};
-use kiln::geometry::{Numerics, PrimId, Ray};
+use kiln::bvh::detail::{Layout, build};
+use kiln::bvh::{Numerics, PrimId, Ray, Traversal};
 
 /// Triangles of length 1 and width 0.1 to 1e-7, around the origin and 1e4 away from it, and rays at their rounded
 /// centroids. The tier `exact` decides as exact arithmetic does; the hits of the others are finite.
@@ -40,7 +40,7 @@ fn b4_slivers_are_decided_exactly_and_give_numbers() {
 }
 
 /// Every hit in every tier is at a finite distance above 0, with finite barycentrics.
-fn are_numbers(slots: &[kiln::bvh::Slot], rays: &[Ray], structures: &[Layout]) {
+fn are_numbers(slots: &[kiln::bvh::detail::Slot], rays: &[Ray], structures: &[Layout]) {
     let mut traversal = Traversal::default();
     for tier in Numerics::ALL {
         for &structure in structures {

@@ -2,8 +2,8 @@
 //! drawn nevertheless.
 
 use glam::{DVec2, DVec3};
+use kiln::bvh::Numerics;
 use kiln::error::{Error, Result, Warnings};
-use kiln::geometry::Numerics;
 use kiln::import::load_with;
 use kiln::render::RenderControl;
 use kiln::scene::{Headlight, ImportOptions, Material, Mesh, PictureSettings, Samples, Scene, Shape};

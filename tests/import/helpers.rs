@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use crate::common::gltf::png;
 use crate::common::repository;
 use glam::DVec3;
-use kiln::bvh::Layout;
+use kiln::bvh::detail::Layout;
 use kiln::effects::{Plan, PlanSettings};
 use kiln::error::{Error, Warnings};
 use kiln::film::{ColourPipeline, Window};

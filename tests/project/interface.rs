@@ -1,8 +1,8 @@
 //! The public interface of `kiln-bvh` is that of `tests/project/kiln-bvh-interface.txt`.
 //!
 //! Read from the sources: the lint `unreachable_pub`, which the gate denies, leaves `pub` to what users reach. Listed
-//! are items, fields, variants, methods and implemented traits, derived ones included, but for what macros write. Names
-//! of private modules do not count.
+//! are items, fields, variants, methods and implemented traits, derived ones included, but for what macros write. `pub use`
+//! is listed of the crate and its module `detail`, the only ones that are public.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -141,15 +141,21 @@ fn implemented(header: &str) -> (&str, bool) {
     (path.rsplit("::").next().unwrap_or_default(), of_trait)
 }
 
-/// The lines of the list for a source text; `public` are the names of public types and traits.
-fn items(mut code: &str, public: &BTreeSet<String>, lines: &mut BTreeSet<String>) {
+/// The lines of the list for the text of a file; `public` are the names of public types and traits.
+fn items(file: &str, mut code: &str, public: &BTreeSet<String>, lines: &mut BTreeSet<String>) {
+    let exported = match file {
+        "lib.rs" => Some("pub use"),
+        "detail.rs" => Some("detail: pub use"),
+        _ => None,
+    };
     while let Some((piece, end)) = next_piece(&mut code, false) {
         let (kept, item) = attributes(piece);
         let listed = |item: &str| format!("{item} {kept}").trim_end().to_owned();
         if let Some(paths) = item.strip_prefix("pub use ") {
             let names =
                 paths.split(['{', '}', ',', ' ']).map(|path| path.rsplit("::").next().unwrap_or_default());
-            lines.extend(names.filter(|name| !name.is_empty()).map(|name| format!("pub use {name}")));
+            let names = names.filter(|name| exported.is_some() && !name.is_empty());
+            lines.extend(names.map(|name| format!("{} {name}", exported.unwrap_or_default())));
         } else if item.starts_with("impl") && end == '{' {
             let (owner, of_trait) = implemented(&item);
             let mut body = code;
@@ -213,20 +219,22 @@ fn fields(code: &mut &str, owner: &str, prefix: &str, lines: &mut BTreeSet<Strin
     }
 }
 
-fn sources(folder: &Path, found: &mut Vec<String>) {
+/// The names and texts of all files.
+fn sources(folder: &Path, found: &mut Vec<[String; 2]>) {
     for entry in std::fs::read_dir(folder).expect("a folder of sources") {
         let path = entry.expect("an entry").path();
         if path.is_dir() {
             sources(&path, found);
-        } else if path.file_name().is_some_and(|name| name != "tests.rs") {
-            found.push(code_of(&std::fs::read_to_string(&path).expect("a source file")));
+        } else if let Some(name) = path.file_name().filter(|name| *name != "tests.rs") {
+            let text = std::fs::read_to_string(&path).expect("a source file");
+            found.push([name.to_string_lossy().into_owned(), code_of(&text)]);
         }
     }
 }
 
 /// The public interface of the sources.
-fn interface(sources: &[String]) -> BTreeSet<String> {
-    let names = sources.iter().flat_map(|code| code.lines()).filter_map(|line| {
+fn interface(sources: &[[String; 2]]) -> BTreeSet<String> {
+    let names = sources.iter().flat_map(|[_, code]| code.lines()).filter_map(|line| {
         let line = line.trim_start();
         ["pub struct ", "pub enum ", "pub trait ", "pub type "]
             .iter()
@@ -234,7 +242,7 @@ fn interface(sources: &[String]) -> BTreeSet<String> {
     });
     let public: BTreeSet<String> = names.map(str::to_owned).collect();
     let mut lines = BTreeSet::new();
-    sources.iter().for_each(|code| items(code, &public, &mut lines));
+    sources.iter().for_each(|[file, code]| items(file, code, &public, &mut lines));
     lines
 }
 
@@ -260,6 +268,13 @@ fn the_interface_of_the_ray_queries_is_the_accepted_one() {
         marked("+", &after, &before),
         candidate.display()
     );
+}
+
+#[test]
+fn the_front_page_is_short() {
+    let list = std::fs::read_to_string(repository(LIST)).expect("the list");
+    let names = list.lines().filter(|line| line.starts_with("pub use ") || line.starts_with("pub mod "));
+    assert!(names.count() <= 60, "what few need belongs into `kiln_bvh::detail`");
 }
 
 #[test]
@@ -338,5 +353,5 @@ mod tests {
         "pub use First",
         "pub use Second",
     ];
-    assert_eq!(interface(&[code]).into_iter().collect::<Vec<_>>(), expected);
+    assert_eq!(interface(&[["lib.rs".into(), code]]).into_iter().collect::<Vec<_>>(), expected);
 }

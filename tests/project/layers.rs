@@ -9,6 +9,7 @@ use kiln::effects::{EFFECTS, RayKind};
 const MODULES: &[&str] = &[
     "geometry",
     "bvh",
+    "detail",
     "error",
     "limits",
     "files",

@@ -1,9 +1,9 @@
 //! Surfaces of opacity below 1 against closed forms.
 
 use crate::common::picture::{changed, parse};
+use kiln::bvh::Numerics;
 use kiln::error::Warnings;
 use kiln::film::{Film, FilterShape};
-use kiln::geometry::Numerics;
 use kiln::job::{RenderControl, RenderSettings, Statistics, prepare};
 use kiln::scene::{PictureSettings, Samples, Scene, Transport};
 

@@ -31,7 +31,7 @@ fn the_cover_is_that_of_the_book() {
         .objects
         .iter()
         .map(|object| {
-            let Shape::Analytic(kiln::geometry::AnalyticShape::Sphere(sphere)) = &object.shape else {
+            let Shape::Analytic(kiln::bvh::AnalyticShape::Sphere(sphere)) = &object.shape else {
                 panic!("{} is no sphere", object.name)
             };
             sphere.radius

@@ -7,9 +7,9 @@ use crate::common;
 use crate::common::picture::{Prepared, equip, load, prepare};
 use crate::common::repository;
 use glam::DVec3;
-use kiln::bvh::Traversal;
+use kiln::bvh::detail::{HitBuffer, RayBuffer};
+use kiln::bvh::{Ray, Traversal};
 use kiln::film::Window;
-use kiln::geometry::{HitBuffer, Ray, RayBuffer};
 use kiln::scene::{Numerics, Projection};
 use kiln::world::{HitOrder, InteractionSoa, RAYS_PER_BATCH, SurfaceInteraction};
 

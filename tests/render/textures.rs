@@ -4,10 +4,9 @@ use crate::common;
 use crate::common::picture::{Prepared, bits, prepare};
 use crate::common::repository;
 use glam::{DMat4, DVec2, DVec3};
-use kiln::bvh::Traversal;
+use kiln::bvh::{Ray, Sphere, Traversal};
 use kiln::effects::{Plan, PlanSettings, id};
 use kiln::film::{ColourPipeline, Window};
-use kiln::geometry::{Ray, Sphere};
 use kiln::render::{RenderControl, render};
 use kiln::scene::EffectValue;
 use kiln::scene::{

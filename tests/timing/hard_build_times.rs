@@ -11,8 +11,8 @@ use crate::common::hard::check::{DEFAULT_TREE, all_structures, judge_in, scaled}
 use crate::common::hard::rays::{At, from_around, targets};
 use crate::common::hard::{meshes, ray, ray_towards, single, times_factor, tree_inputs, triangles};
 use glam::DVec3;
-use kiln::bvh::{Layout, Preset, Slot, Traversal, build};
-use kiln::geometry::{Numerics, PrimId};
+use kiln::bvh::detail::{Layout, Slot, build};
+use kiln::bvh::{Numerics, Preset, PrimId, Traversal};
 
 /// To be held by a test while it times.
 fn alone() -> MutexGuard<'static, ()> {

@@ -5,8 +5,8 @@
 
 use std::error::Error;
 
-use kiln_bvh::bvh::{Bvh, Traversal};
 use kiln_bvh::glam::DVec3;
+use kiln_bvh::{Bvh, Traversal};
 
 /// Two triangles for each side of a cube, counter-clockwise from outside; corner i has the bits of i as x, y and z.
 const SIDES: [[[u32; 3]; 2]; 6] = [

@@ -388,7 +388,7 @@ fn frame_of(timeline: &Timeline, moment: Moment) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use kiln::geometry::Sphere;
+    use kiln::bvh::Sphere;
     use kiln::job::Session;
     use kiln::scene::{Scene, Shape};
 

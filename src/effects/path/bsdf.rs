@@ -325,12 +325,12 @@ fn parameters(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bvh::{Layout, Traversal};
+    use crate::bvh::detail::{HitBuffer, Layout, RayBuffer};
+    use crate::bvh::{Numerics, Sphere, Traversal};
     use crate::effects::path::Path;
     use crate::effects::path::numbers::Sequence;
     use crate::effects::samples::SampleIndex;
     use crate::film::{Colour, ColourPipeline};
-    use crate::geometry::{HitBuffer, Numerics, RayBuffer, Sphere};
     use crate::scene::{
         AnalyticShape, MaterialId, MetallicRoughness, Object, PixelSampler, Refraction, Scene, Shape, Volume,
     };

@@ -6,9 +6,9 @@ use super::LightPath;
 use super::lights::{LightConnection, Lights};
 use super::numbers::GenerationNumbers;
 use super::vertices::{IndexList, Vertices};
+use crate::bvh::Numerics;
+use crate::bvh::detail::{RayBuffer, SurfacePoint};
 use crate::effects::tile::vec_bytes;
-use crate::geometry::spawn::SurfacePoint;
-use crate::geometry::{Numerics, RayBuffer};
 use crate::world::{
     EnvironmentCell, Flags, InteractionSoa, PerRay, TriangleSample, TwoTriangles, UNIFORM_DENSITY, Vec3Soa,
     World, select, simd, uniform_direction,
@@ -303,7 +303,8 @@ impl LightSamples {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bvh::{Layout, Traversal};
+    use crate::bvh::detail::{HitBuffer, Layout, RayBuffer};
+    use crate::bvh::{Mesh, Traversal};
     use crate::effects::LightTechnique;
     use crate::effects::bounce_limits::BounceLimits;
     use crate::effects::path::numbers::Sequence;
@@ -311,7 +312,6 @@ mod tests {
     use crate::effects::samples::SampleIndex;
     use crate::effects::{PathSettings, TextureUse};
     use crate::film::{Colour, ColourPipeline};
-    use crate::geometry::{HitBuffer, Mesh, RayBuffer};
     use crate::scene::{
         Environment, EnvironmentSource, Falloff, Light, LightKind, Material, MaterialId, Object, Phong,
         PixelSampler, Scene, Shape,

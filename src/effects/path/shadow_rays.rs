@@ -9,7 +9,8 @@ use super::weights::light_weight;
 use super::{Buffers, LIGHT_RAYS, LightPath, Scatter};
 use crate::effects::tile::{RayGeneration, Tile};
 use crate::effects::{LightTechnique, shadow_ray, transparency};
-use crate::geometry::{Numerics, Precision, Ray};
+use crate::bvh::detail::Precision;
+use crate::bvh::{Numerics, Ray};
 use crate::shading::LightSample;
 use crate::world::{InteractionSoa, World, select, simd};
 

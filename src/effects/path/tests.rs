@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use crate::bvh::Layout;
+use crate::bvh::detail::Layout;
+use crate::bvh::Numerics;
 use crate::film::{Colour, ColourPipeline};
-use crate::geometry::Numerics;
 use crate::scene::{Light, LightKind, Scene};
 use crate::shading::bsdf::chi_squared::{Random, p_value};
 use crate::world::World;

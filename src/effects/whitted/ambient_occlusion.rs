@@ -9,11 +9,11 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
+use crate::bvh::detail::RayBuffer;
 use crate::effects::random::Dimension;
 use crate::effects::samples::SurfaceNumbers;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use crate::effects::{Effect, EffectContext, EffectValue, Hook, PlanSettings, RayKind, Stage, id};
-use crate::geometry::RayBuffer;
 use crate::scene::{PixelSampler, ValueKind};
 use crate::world::World;
 

@@ -19,6 +19,8 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use crate::bvh::Ray;
+use crate::bvh::detail::{Precision, RayBuffer};
 use crate::effects::record::GlazeRecord;
 use crate::effects::recorder::Recorder;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
@@ -26,7 +28,6 @@ use crate::effects::{
     Effect, EffectContext, EffectValue, Hook, RayClass, RayKind, SecondaryRays, Stage, id, named,
 };
 use crate::film::ColourPipeline;
-use crate::geometry::{Precision, Ray, RayBuffer};
 use crate::scene::{Glaze, Material, ValueKind};
 use crate::world::{
     InteractionSoa, PreparedMaterial, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, World, simd,
@@ -314,7 +315,7 @@ fn lifted(direction: DVec3, outer: DVec3, precision: Precision) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Hit, PrimId, SlotId};
+    use crate::bvh::{Hit, PrimId, SlotId};
     use proptest::prelude::*;
 
     /// A surface seen from `height` above its plane, its shading normal bent; `None` where that leaves the hemisphere.

@@ -5,11 +5,12 @@
 
 use glam::DVec3;
 
+use crate::bvh::detail::RayBuffer;
+use crate::bvh::{Numerics, Ray};
 use crate::effects::samples::DiscPoints;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use crate::effects::transparency::transmittance;
 use crate::effects::{Effect, EffectContext, Hook, PlanSpec, RayKind, Stage, id, named, shadow_ray};
-use crate::geometry::{Numerics, Ray, RayBuffer};
 use crate::scene::TextureFilter;
 use crate::shading::{LightSample, LightSoa};
 use crate::world::{InteractionSoa, Vec3Soa, World, simd};
@@ -151,9 +152,7 @@ fn shadow_rays(
     match numerics {
         Numerics::Fast => simd!(rays_to(light, surfaces, origins, Numerics::Fast, rays)),
         Numerics::Watertight => simd!(rays_to(light, surfaces, origins, Numerics::Watertight, rays)),
-        Numerics::Double | Numerics::Exact => {
-            simd!(rays_to(light, surfaces, origins, Numerics::Double, rays));
-        }
+        _ => simd!(rays_to(light, surfaces, origins, Numerics::Double, rays)),
     }
 }
 

@@ -383,7 +383,7 @@ fn environment_of(fill: Fill) -> Environment {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Sphere;
+    use crate::bvh::Sphere;
     use crate::job::CameraChoice;
     use crate::job::EnvironmentSettings;
     use crate::scene::{Camera, ColourValue, Intensity, Light, MaterialId, Object, Shape};

@@ -85,8 +85,8 @@ fn area(object: &Object) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bvh::Sphere;
     use crate::film::Colour;
-    use crate::geometry::Sphere;
     use crate::scene::{Layers, Light, LightKind, MaterialId, MetallicRoughness, Phong, Shape};
 
     /// Balls of these radii and emissions.

@@ -2,8 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
+use crate::bvh::detail::Bounds;
 use crate::error::Warnings;
-use crate::geometry::Bounds;
 use crate::scene::mesh::support::{PointTrees, can_be_seen};
 use crate::scene::{Camera, Object, Placed, Scene, Shape, bounds, shell_quoted};
 use crate::world::{Recentering, View};
@@ -221,7 +221,7 @@ pub(crate) fn note_framing(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Sphere;
+    use crate::bvh::Sphere;
     use crate::scene::MaterialId;
 
     /// Seen from (0, 0, 5) along -z with 90 degrees: at z = 0 the picture reaches to 5 on every side.

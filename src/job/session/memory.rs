@@ -4,9 +4,9 @@ use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::bvh::detail::Precision;
 use crate::effects::{Plan, PlanSettings, TextureUse, id};
 use crate::error::{Error, Result};
-use crate::geometry::Precision;
 use crate::limits;
 use crate::scene::{DecodedImage, Numerics, Object, Scene, Shape, TextureFilter};
 use crate::shading::LightSoa;
@@ -90,7 +90,7 @@ fn check_mip_maps(scene: &Scene, plan_settings: &PlanSettings) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Sphere;
+    use crate::bvh::Sphere;
     use crate::scene::{
         EffectValue, Interpolation, Material, Minify, Phong, ResolvedTextureFilter, Texture, TextureSampler,
         TextureSlot,

@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 
-use crate::bvh::Layout;
+use crate::bvh::detail::Layout;
 use crate::effects::{PathSettings, id};
 use crate::error::{Error, Result};
 use crate::film::Window;

@@ -1,7 +1,7 @@
 //! The test of pixels against values computed by hand, and its error and power on numbers of known distributions.
 
 use super::*;
-use crate::bvh::splitmix64::{GOLDEN, splitmix64};
+use crate::bvh::detail::{GOLDEN, splitmix64};
 
 /// Random numbers.
 struct Random(u64);

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use crate::geometry::sin_cos_of_turns;
+use crate::world::sin_cos_of_turns;
 
 /// The BSDF of an albedo times the cosine of `light`, and the density per solid angle of [`sample`]; 0 below the surface.
 #[inline(always)]

@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use crate::geometry::sin_cos_of_turns;
+use crate::world::sin_cos_of_turns;
 
 /// The least alpha (the square of the roughness) that is integrated as a distribution. Smoother surfaces, of a
 /// perceptual roughness below 0.01 and a highlight of 20 arc seconds, are perfect mirrors or refract perfectly: delta

@@ -128,7 +128,7 @@ mod tests {
                 ..BsdfParameters::default()
             };
             let direction = |z: f64, turn: f64| {
-                let (sine, (sin, cos)) = ((1.0 - z * z).sqrt(), crate::geometry::sin_cos_of_turns(turn));
+                let (sine, (sin, cos)) = ((1.0 - z * z).sqrt(), crate::world::sin_cos_of_turns(turn));
                 DVec3::new(sine * cos, sine * sin, z)
             };
             let view = direction(number().max(1e-3), number());

@@ -13,7 +13,7 @@ use super::albedo::view_at;
 use super::ggx::half_vector;
 use super::lobe::Value;
 use super::table::{Table, lattice, tent};
-use crate::geometry::sin_cos_of_turns;
+use crate::world::sin_cos_of_turns;
 
 /// The least alpha, of a sheen roughness of 0.1. Below it the lobe is a spike at grazing half vectors.
 const MIN_ALPHA: f64 = 0.01;

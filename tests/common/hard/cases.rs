@@ -1,7 +1,8 @@
 //! Single rays and primitives in f64, chosen so that rounded arithmetic cannot decide them.
 
 use glam::DVec3;
-use kiln::geometry::{Precision, Ray};
+use kiln::bvh::Ray;
+use kiln::bvh::detail::Precision;
 
 use super::Corners;
 use crate::common::Numbers;

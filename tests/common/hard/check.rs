@@ -14,8 +14,8 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use kiln::bvh::{Layout, Preset, Primitive, Slot, Traversal, build};
-use kiln::geometry::{AnalyticShape, Disk, Numerics, PrimId, Ray, Sphere, Triangle};
+use kiln::bvh::detail::{Layout, Slot, build};
+use kiln::bvh::{AnalyticShape, Disk, Numerics, Preset, PrimId, Primitive, Ray, Sphere, Traversal, Triangle};
 
 use super::results::{Faults, RayResults, check_both, check_results};
 use super::single;

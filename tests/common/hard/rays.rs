@@ -1,7 +1,7 @@
 //! Numerically hard rays: through vertices, edges and lattice points, and along axes.
 
 use glam::DVec3;
-use kiln::geometry::Ray;
+use kiln::bvh::Ray;
 
 use super::{Corners, ray, single};
 use crate::common::Numbers;

@@ -1,7 +1,7 @@
 //! The hits that an acceleration structure returns for a ray, and their comparison.
 
-use kiln::bvh::{Accelerator, Traversal};
-use kiln::geometry::{Hit, HitBuffer, PrimId, Ray, RayBuffer};
+use kiln::bvh::detail::{Accelerator, HitBuffer, RayBuffer};
+use kiln::bvh::{Hit, PrimId, Ray, Traversal};
 
 /// Rays per batch.
 const BATCH: usize = 64;

@@ -1,7 +1,7 @@
 //! Numerically hard spheres and rays: grazing, tiny, huge, starting on the surface or inside.
 
 use glam::DVec3;
-use kiln::geometry::Ray;
+use kiln::bvh::Ray;
 
 use super::{ray, ray_towards, single};
 use crate::common::Numbers;

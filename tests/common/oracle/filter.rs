@@ -1,7 +1,7 @@
 //! Floating-point filter: decides clear cases in f64, so that only doubtful ones need exact arithmetic.
 
 use glam::DVec3;
-use kiln::geometry::Ray;
+use kiln::bvh::Ray;
 
 /// How the line of a ray passes a triangle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

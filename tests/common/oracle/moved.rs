@@ -5,7 +5,7 @@
 use std::cmp::Ordering;
 
 use glam::DVec3;
-use kiln::geometry::Ray;
+use kiln::bvh::Ray;
 use num_bigint::BigInt;
 
 use super::integers::{Vector, integers, sign};

@@ -5,7 +5,7 @@
 //! is half the distance from 1 to the next f64; where its squares are left out, the constants have room for them.
 
 use glam::DVec3;
-use kiln::geometry::Ray;
+use kiln::bvh::Ray;
 
 use super::filter::{U, edges};
 

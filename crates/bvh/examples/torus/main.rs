@@ -9,9 +9,8 @@ use std::error::Error;
 use std::fmt::Write;
 use std::sync::Arc;
 
-use kiln_bvh::bvh::{Bvh, Primitive, Traversal};
-use kiln_bvh::geometry::UserGeometry;
 use kiln_bvh::glam::DVec3;
+use kiln_bvh::{Bvh, Primitive, Traversal, UserGeometry};
 use shape::Torus;
 
 /// Characters of a picture.

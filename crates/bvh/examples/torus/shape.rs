@@ -10,8 +10,8 @@
 //! the number of different roots within. Halving the interval finds each root between two consecutive f64. So every
 //! root is found, of whatever multiplicity, no other number is, and t has an error of less than 1 ulp.
 
-use kiln_bvh::geometry::{Ray, Side, UserGeometry};
 use kiln_bvh::glam::DVec3;
+use kiln_bvh::{Ray, Side, UserGeometry};
 use num_bigint::{BigInt, Sign};
 
 /// A torus around an axis in the direction of z.

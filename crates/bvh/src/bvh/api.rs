@@ -13,7 +13,8 @@ use super::{
     Accelerator, Closedness, Layout, Preset, Primitive, RayList, Slot, Source, Traversal, build, build_from,
 };
 use crate::geometry::{
-    AnalyticShape, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, Rays, SlotId, Sphere, Triangle,
+    AnalyticShape, Bounds, Corner, Hit, HitBuffer, Numerics, Point, Precision, PrimId, Ray, Rays, SlotId,
+    Sphere, Triangle,
 };
 
 /// A bounding volume hierarchy over triangles and analytic shapes. A primitive's id is its index in the list that it
@@ -182,7 +183,7 @@ impl From<NotFinite> for InvalidMesh {
 const MAX_RELATIVE_COST: f64 = 1.2;
 
 /// Whether to keep a refitted tree with this cost relative to that at build, as returned by [`Accelerator::refit`].
-pub fn is_worth_keeping(relative_cost: f64) -> bool {
+fn is_worth_keeping(relative_cost: f64) -> bool {
     relative_cost <= MAX_RELATIVE_COST
 }
 
@@ -211,10 +212,7 @@ impl Bvh {
     ///
     /// # Errors
     /// [`InvalidMesh`] for the first triangle whose vertices do not exist or are not finite in f32.
-    pub fn from_mesh(
-        vertices: &[impl Into<DVec3> + Copy + Sync],
-        triangles: &[[u32; 3]],
-    ) -> Result<Self, InvalidMesh> {
+    pub fn from_mesh(vertices: &[impl Point], triangles: &[[u32; 3]]) -> Result<Self, InvalidMesh> {
         Bvh::from_mesh_with(vertices, triangles, Preset::default(), Numerics::default())
     }
 
@@ -223,20 +221,13 @@ impl Bvh {
     /// # Errors
     /// As [`Bvh::from_mesh`].
     pub fn from_mesh_with(
-        vertices: &[impl Into<DVec3> + Copy + Sync],
+        vertices: &[impl Point],
         triangles: &[[u32; 3]],
         preset: Preset,
         numerics: Numerics,
     ) -> Result<Self, InvalidMesh> {
-        let vertex = |index: u32| -> DVec3 { vertices[index as usize].into() };
-        for (triangle, corners) in triangles.iter().enumerate() {
-            if let Some(&vertex) = corners.iter().find(|index| **index as usize >= vertices.len()) {
-                return Err(InvalidMesh::Index { triangle, vertex, vertices: vertices.len() });
-            }
-            if !is_finite(&Primitive::from(corners.map(vertex))) {
-                return Err(NotFinite::Primitive(triangle).into());
-            }
-        }
+        let vertex = |index: u32| vertices[index as usize].to_dvec3();
+        check_mesh(triangles, vertices.len(), &vertex)?;
         let layout = Layout::Wide(preset);
         let slots = MeshSlots { triangles, vertex: &vertex };
         Ok(Bvh::around(
@@ -273,7 +264,7 @@ impl Bvh {
     ///
     /// # Errors
     /// [`NotFinite::Origin`], also if it exceeds f32, and [`NotFinite::Direction`].
-    pub fn ray(&self, origin: impl Into<DVec3>, direction: impl Into<DVec3>) -> Result<Ray, NotFinite> {
+    pub fn ray(&self, origin: impl Point, direction: impl Point) -> Result<Ray, NotFinite> {
         self.ray_within(origin, direction, f64::INFINITY)
     }
 
@@ -284,11 +275,11 @@ impl Bvh {
     /// As [`Bvh::ray`], and [`NotFinite::Distance`]. `t_max` may be infinite.
     pub fn ray_within(
         &self,
-        origin: impl Into<DVec3>,
-        direction: impl Into<DVec3>,
+        origin: impl Point,
+        direction: impl Point,
         t_max: f64,
     ) -> Result<Ray, NotFinite> {
-        let (origin, direction) = (origin.into(), direction.into());
+        let (origin, direction) = (origin.to_dvec3(), direction.to_dvec3());
         check_ray(origin, direction, t_max)?;
         Ok(ray_of(self.numerics.ray_precision(), origin, direction, t_max))
     }
@@ -298,12 +289,12 @@ impl Bvh {
     ///
     /// # Errors
     /// [`InvalidRays`]: arrays of other lengths, or the first ray that is not valid, and why.
-    pub fn rays<'a>(
+    pub fn rays<'a, P: Point>(
         &self,
-        origins: &'a [[f64; 3]],
-        directions: &'a [[f64; 3]],
+        origins: &'a [P],
+        directions: &'a [P],
         t_max: Option<&'a [f64]>,
-    ) -> Result<RayArrays<'a>, InvalidRays> {
+    ) -> Result<RayArrays<'a, P>, InvalidRays> {
         let len = origins.len();
         if directions.len() != len {
             return Err(InvalidRays::Directions { directions: directions.len(), origins: len });
@@ -313,7 +304,7 @@ impl Bvh {
         }
         let rays = RayArrays { origins, directions, t_max, precision: self.numerics.ray_precision() };
         let check = |index: usize| {
-            check_ray(origins[index].into(), directions[index].into(), rays.t_max(index))
+            check_ray(origins[index].to_dvec3(), directions[index].to_dvec3(), rays.t_max(index))
                 .err()
                 .map(|why| InvalidRays::Ray { index, why })
         };
@@ -407,7 +398,7 @@ impl Bvh {
     }
 
     /// Replaces the primitives. The tree is refitted if their number and kinds are the same and it stays good enough
-    /// ([`is_worth_keeping`]), else rebuilt. On an error nothing changes. Clones share a tree, of which a copy is
+    /// (at most 1.2 times the cost at build), else rebuilt. On an error nothing changes. Clones share a tree, of which a copy is
     /// refitted. User geometry ([`Bvh::set_user_geometry`]) stays, as does [`Bvh::set_clockwise`] but of instances.
     ///
     /// # Errors
@@ -439,6 +430,20 @@ impl Bvh {
         rebuilt.set_user_geometry(self.user_geometries().cloned())?;
         *self = rebuilt;
         Ok(Update::Rebuilt)
+    }
+
+    /// [`Bvh::update`] to a mesh, whose triangles are the primitives.
+    ///
+    /// # Errors
+    /// As [`Bvh::from_mesh`].
+    pub fn update_mesh(
+        &mut self,
+        vertices: &[impl Point],
+        triangles: &[[u32; 3]],
+    ) -> Result<Update, InvalidMesh> {
+        let vertex = |index: u32| vertices[index as usize].to_dvec3();
+        check_mesh(triangles, vertices.len(), &vertex)?;
+        Ok(self.update(triangles.iter().map(|corners| Primitive::from(corners.map(vertex))))?)
     }
 
     /// Which triangles are seen clockwise from the front, as those of a mesh under a mirroring transform (glTF 2.0,
@@ -482,6 +487,40 @@ impl Bvh {
         self.instances.ids().unwrap_or(self.has_slot.len() as u32)
     }
 
+    /// The number of ids: of primitives and user geometry.
+    pub fn len(&self) -> usize {
+        self.ids() as usize + self.user_geometries().count()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The tier.
+    pub fn numerics(&self) -> Numerics {
+        self.numerics
+    }
+
+    /// The least and the greatest corner of the box around all primitives, as stored, and the bounds of user geometry;
+    /// `None` without any. Visits every primitive.
+    pub fn bounds(&self) -> Option<[DVec3; 2]> {
+        let mut all: Option<[DVec3; 2]> = None;
+        let mut add = |[min, max]: [DVec3; 2]| {
+            let [least, most] = all.unwrap_or([min, max]);
+            all = Some([least.min(min), most.max(max)]);
+        };
+        self.accelerator.each_primitive(&mut |_, primitive| match primitive {
+            Primitive::Triangle(Triangle(corners)) => add(DVec3::span(&corners)),
+            Primitive::Analytic(shape) => {
+                let Bounds { min, max } = shape.bounds();
+                add([min, max].map(|corner| corner.as_dvec3()));
+            }
+        });
+        self.user_geometries().for_each(|shape| add(shape.bounds()));
+        all
+    }
+
     /// The number of analytic shapes that cannot be hit because their radius is not above 0.
     pub fn left_out(&self) -> usize {
         self.has_slot.iter().filter(|has_slot| !**has_slot).count()
@@ -503,14 +542,14 @@ impl std::fmt::Debug for Bvh {
 
 /// Rays from arrays of origins and directions, checked by [`Bvh::rays`], of any length but 0.
 #[derive(Debug, Clone, Copy)]
-pub struct RayArrays<'a> {
-    origins: &'a [[f64; 3]],
-    directions: &'a [[f64; 3]],
+pub struct RayArrays<'a, P = [f64; 3]> {
+    origins: &'a [P],
+    directions: &'a [P],
     t_max: Option<&'a [f64]>,
     precision: Precision,
 }
 
-impl RayArrays<'_> {
+impl<P: Copy> RayArrays<'_, P> {
     /// The rays at a range of indices.
     ///
     /// # Panics
@@ -530,21 +569,21 @@ impl RayArrays<'_> {
     }
 }
 
-impl RayList for RayArrays<'_> {
+impl<P: Point> RayList for RayArrays<'_, P> {
     fn len(&self) -> usize {
         self.origins.len()
     }
 
     #[inline]
     fn get(&self, index: usize) -> Ray {
-        let (origin, direction) = (self.origins[index].into(), self.directions[index].into());
+        let (origin, direction) = (self.origins[index].to_dvec3(), self.directions[index].to_dvec3());
         ray_of(self.precision, origin, direction, self.t_max(index))
     }
 
     #[inline]
     fn sort_key(&self, index: usize) -> [DVec3; 2] {
-        let direction = DVec3::from(self.directions[index]);
-        [self.origins[index].into(), direction * direction.abs().max_element().recip()]
+        let direction = self.directions[index].to_dvec3();
+        [self.origins[index].to_dvec3(), direction * direction.abs().max_element().recip()]
     }
 }
 
@@ -597,6 +636,24 @@ fn is_finite(primitive: &Primitive) -> bool {
     };
     let b = primitive.bounds();
     is_finite && b.min.is_finite() && b.max.is_finite()
+}
+
+/// # Errors
+/// The first triangle with a vertex that does not exist or is not finite.
+fn check_mesh(
+    triangles: &[[u32; 3]],
+    vertices: usize,
+    vertex: &dyn Fn(u32) -> DVec3,
+) -> Result<(), InvalidMesh> {
+    for (triangle, corners) in triangles.iter().enumerate() {
+        if let Some(&vertex) = corners.iter().find(|index| **index as usize >= vertices) {
+            return Err(InvalidMesh::Index { triangle, vertex, vertices });
+        }
+        if !is_finite(&Primitive::from(corners.map(vertex))) {
+            return Err(NotFinite::Primitive(triangle).into());
+        }
+    }
+    Ok(())
 }
 
 /// The primitives, if all are finite.

@@ -12,7 +12,7 @@ use super::crossings::{CONTAINS_DIRECTION, in_order, winding_ray};
 use super::lists::{ListGroup, Lists};
 use super::{Bvh, ClosestPoint, Containment, InsideRule, SignedHit, Traversal, WindingNumber};
 use crate::geometry::simd::InstructionSet;
-use crate::geometry::{Hit, HitBuffer, PACKET, Ray, RayBuffer, Rays, Side};
+use crate::geometry::{Hit, HitBuffer, PACKET, Point, Ray, RayBuffer, Rays, Side};
 
 /// The queries of a task.
 pub(super) const GROUP: usize = 1 << 12;
@@ -41,7 +41,7 @@ const SPREAD: [u32; 1 << BITS] = {
     table
 };
 
-/// Rays of a batch.
+/// Rays of a batch: a slice or a `Vec` of [`Ray`], or arrays of origins and directions ([`Bvh::rays`](super::Bvh::rays)).
 pub trait RayList: Copy + Sync {
     /// The number of rays.
     fn len(&self) -> usize;
@@ -69,6 +69,26 @@ impl RayList for Rays<'_> {
 
     fn get(&self, index: usize) -> Ray {
         Rays::get(self, index)
+    }
+}
+
+impl RayList for &[Ray] {
+    fn len(&self) -> usize {
+        <[Ray]>::len(self)
+    }
+
+    fn get(&self, index: usize) -> Ray {
+        self[index]
+    }
+}
+
+impl RayList for &Vec<Ray> {
+    fn len(&self) -> usize {
+        Vec::len(self)
+    }
+
+    fn get(&self, index: usize) -> Ray {
+        self[index]
     }
 }
 
@@ -272,7 +292,8 @@ impl Bvh {
     }
 
     /// [`Bvh::winding_number`] of every point.
-    pub fn par_winding_numbers(&self, points: &[DVec3]) -> Vec<i32> {
+    pub fn par_winding_numbers(&self, points: &[impl Point]) -> Vec<i32> {
+        let points = &*Point::all(points);
         let mut results = vec![0; points.len()];
         let scratch = || (Worker::default(), Vec::new(), Vec::new());
         results.par_chunks_mut(GROUP).zip(points.par_chunks(GROUP)).for_each_init(
@@ -308,7 +329,8 @@ impl Bvh {
     }
 
     /// [`Bvh::contains`] of every point.
-    pub fn par_contains(&self, points: &[DVec3]) -> Vec<Containment> {
+    pub fn par_contains(&self, points: &[impl Point]) -> Vec<Containment> {
+        let points = &*Point::all(points);
         let rule = self.closedness().rule();
         if rule == InsideRule::Vote {
             let single = |point, traversal: &mut Traversal| Some(self.contains(point, traversal));
@@ -319,7 +341,8 @@ impl Bvh {
     }
 
     /// [`Bvh::generalised_winding_number`] of every point.
-    pub fn par_generalised_winding_numbers(&self, points: &[DVec3], beta: f64) -> Vec<WindingNumber> {
+    pub fn par_generalised_winding_numbers(&self, points: &[impl Point], beta: f64) -> Vec<WindingNumber> {
+        let points = &*Point::all(points);
         if self.closedness().is_closed() {
             let exact = |(&point, number)| WindingNumber::exact(point, number);
             return points.iter().zip(self.par_winding_numbers(points)).map(exact).collect();
@@ -347,16 +370,17 @@ impl Bvh {
     }
 
     /// [`Bvh::closest_point`] of every point.
-    pub fn par_closest_points(&self, points: &[DVec3]) -> Vec<Option<ClosestPoint>> {
+    pub fn par_closest_points(&self, points: &[impl Point]) -> Vec<Option<ClosestPoint>> {
         self.par_closest_points_within(points, f64::INFINITY)
     }
 
     /// [`Bvh::closest_point_within`] of every point.
     pub fn par_closest_points_within(
         &self,
-        points: &[DVec3],
+        points: &[impl Point],
         max_distance: f64,
     ) -> Vec<Option<ClosestPoint>> {
+        let points = &*Point::all(points);
         self.of_points(points, |point, traversal| self.closest_point_within(point, max_distance, traversal))
     }
 
@@ -381,7 +405,8 @@ impl Bvh {
     }
 
     /// [`Bvh::nearest`] of every point.
-    pub fn par_nearest(&self, points: &[DVec3], count: usize, max_distance: f64) -> Lists<ClosestPoint> {
+    pub fn par_nearest(&self, points: &[impl Point], count: usize, max_distance: f64) -> Lists<ClosestPoint> {
+        let points = &*Point::all(points);
         let lists =
             self.of_points(points, |point, traversal| self.nearest(point, count, max_distance, traversal));
         let of_group = |lists: &[Vec<_>]| {
@@ -396,7 +421,8 @@ impl Bvh {
     }
 
     /// [`Bvh::signed_distance`] of every point.
-    pub fn par_signed_distances(&self, points: &[DVec3]) -> Vec<Option<f64>> {
+    pub fn par_signed_distances(&self, points: &[impl Point]) -> Vec<Option<f64>> {
+        let points = &*Point::all(points);
         let closest = self.par_closest_points(points);
         let signed = |(closest, containment): (&Option<ClosestPoint>, Containment)| {
             closest.map(|closest| containment.signed(closest.distance))

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::{Bvh, Primitive, Traversal};
-use crate::geometry::{PrimId, Triangle};
+use crate::geometry::{Point, PrimId, Triangle};
 
 /// The point of a surface that is closest to another point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,7 +21,7 @@ impl Bvh {
     /// The closest point of the surface; of primitives at equal distance, the one with the lowest id. `None` without
     /// primitives, and for a point that is not finite, or too large for f32 ([`NotFinite`](super::NotFinite)). In f64
     /// for the primitives as stored: good to 2^-48 of the largest distance to a corner of the triangle on each axis.
-    pub fn closest_point(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> Option<ClosestPoint> {
+    pub fn closest_point(&self, point: impl Point, traversal: &mut Traversal) -> Option<ClosestPoint> {
         self.closest_point_within(point, f64::INFINITY, traversal)
     }
 
@@ -29,11 +29,11 @@ impl Bvh {
     /// visited.
     pub fn closest_point_within(
         &self,
-        point: impl Into<DVec3>,
+        point: impl Point,
         max_distance: f64,
         traversal: &mut Traversal,
     ) -> Option<ClosestPoint> {
-        let point = point.into();
+        let point = point.to_dvec3();
         // Beyond f32, which bounds all primitives, squares of distances overflow.
         point.as_vec3().is_finite().then_some(())?;
         let mut best: Option<ClosestPoint> = None;
@@ -74,8 +74,8 @@ impl Bvh {
 
     /// The distance of a point from the surface, negative inside, as [`Bvh::contains`] decides. `None` where
     /// [`Bvh::closest_point`] is.
-    pub fn signed_distance(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> Option<f64> {
-        let point = point.into();
+    pub fn signed_distance(&self, point: impl Point, traversal: &mut Traversal) -> Option<f64> {
+        let point = point.to_dvec3();
         let ClosestPoint { distance, .. } = self.closest_point(point, traversal)?;
         Some(self.contains(point, traversal).signed(distance))
     }

@@ -6,7 +6,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{Bvh, Primitive, Shapes, Traversal, WindingNumber};
-use crate::geometry::{LineTest, Precision, PrimId, Ray, Rays, Side, Stored, Triangle, order_of_crossings};
+use crate::geometry::{
+    LineTest, Point, Precision, PrimId, Ray, Rays, Side, Stored, Triangle, order_of_crossings,
+};
 
 /// A crossing of a ray and the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -157,8 +159,8 @@ impl Bvh {
     /// moved infinitesimally along +x, then +y, then +z. The point is in f64, coordinates below 2^-250 count as 0;
     /// NaN has winding number 0. For a surface that is not closed: the crossings that leave, less those that enter,
     /// of the ray in [`CONTAINS_DIRECTION`].
-    pub fn winding_number(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> i32 {
-        self.winding_along(CONTAINS_DIRECTION, point.into(), traversal)
+    pub fn winding_number(&self, point: impl Point, traversal: &mut Traversal) -> i32 {
+        self.winding_along(CONTAINS_DIRECTION, point.to_dvec3(), traversal)
     }
 
     /// [`Bvh::winding_number`] by a ray in another direction.
@@ -181,8 +183,8 @@ impl Bvh {
     /// Whether a point is inside the surface, by the rule that its edges call for ([`Closedness::rule`]), and the margin
     /// of certainty. The first call after building takes as long as [`Bvh::closedness`] and, for an open surface,
     /// [`Bvh::generalised_winding_number`].
-    pub fn contains(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> Containment {
-        let (point, rule) = (point.into(), self.closedness().rule());
+    pub fn contains(&self, point: impl Point, traversal: &mut Traversal) -> Containment {
+        let (point, rule) = (point.to_dvec3(), self.closedness().rule());
         if rule == InsideRule::Vote {
             // Winding numbers are odd where the number of crossings is.
             let [x, y, z] = CONTAINS_DIRECTION.to_array();
@@ -203,7 +205,7 @@ impl Bvh {
     /// [`NotClosed`] if the surface is not.
     pub fn contains_if_closed(
         &self,
-        point: impl Into<DVec3>,
+        point: impl Point,
         traversal: &mut Traversal,
     ) -> Result<bool, NotClosed> {
         let closedness = self.closedness();

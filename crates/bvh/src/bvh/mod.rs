@@ -26,12 +26,11 @@ mod quality;
 mod sah;
 mod saved;
 mod shapes;
-#[doc(hidden)]
-pub mod splitmix64;
+pub(crate) mod splitmix64;
 mod stored_slot;
 mod wide;
 
-pub use api::{Bvh, InvalidMesh, InvalidRays, NotFinite, RayArrays, Update, is_worth_keeping};
+pub use api::{Bvh, InvalidMesh, InvalidRays, NotFinite, RayArrays, Update};
 pub use batch::RayList;
 pub use closest_point::ClosestPoint;
 pub use coarse_rounding::CoarseRounding;
@@ -390,7 +389,7 @@ pub trait Accelerator: Nearby + Send + Sync {
 
     /// Refits the tree to new positions of its primitives, given by id. Faster than a build, and hits are as exact.
     /// Primitives without a rounded form ([`Primitive::rounded`]) are missed until a later refit. Returns the cost by
-    /// the surface area heuristic relative to that at build; see [`is_worth_keeping`].
+    /// the surface area heuristic relative to that at build.
     ///
     /// `None` if the layout does not support it, or a primitive has changed its kind: the structure must be built anew.
     fn refit(&mut self, _primitive: &(dyn Fn(PrimId) -> Primitive + Sync)) -> Option<f64> {

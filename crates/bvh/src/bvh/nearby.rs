@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{Bvh, ClosestPoint, Primitive, Traversal};
-use crate::geometry::{Precision, PrimId, Triangle, triangle_meets_box, triangles_meet};
+use crate::geometry::{Point, Precision, PrimId, Triangle, triangle_meets_box, triangles_meet};
 
 impl Bvh {
     /// The closest points of the `count` nearest primitives that are no farther than `max_distance`, which may be
@@ -12,12 +12,12 @@ impl Bvh {
     /// where [`Bvh::closest_point`] is `None`; distances are as good as its.
     pub fn nearest(
         &self,
-        point: impl Into<DVec3>,
+        point: impl Point,
         count: usize,
         max_distance: f64,
         traversal: &mut Traversal,
     ) -> Vec<ClosestPoint> {
-        let point = point.into();
+        let point = point.to_dvec3();
         let mut found: Vec<ClosestPoint> = Vec::new();
         if count == 0 || !point.as_vec3().is_finite() {
             return found;
@@ -48,16 +48,11 @@ impl Bvh {
 
     /// The triangles that have a point in common with the box from `min` to `max`, borders included, and the other
     /// shapes whose bounds have; in order of id. Exact for triangles as stored; those without area are not found.
-    pub fn in_box(
-        &self,
-        min: impl Into<DVec3>,
-        max: impl Into<DVec3>,
-        traversal: &mut Traversal,
-    ) -> Vec<PrimId> {
+    pub fn in_box(&self, min: impl Point, max: impl Point, traversal: &mut Traversal) -> Vec<PrimId> {
         // All primitives are finite in f32.
         let most = f64::from(f32::MAX);
-        let ends =
-            [min.into(), max.into()].map(|end| end.map(|x| Precision::Double.round(x.clamp(-most, most))));
+        let ends = [min.to_dvec3(), max.to_dvec3()]
+            .map(|end| end.map(|x| Precision::Double.round(x.clamp(-most, most))));
         let is_found = |primitive: &Primitive| match primitive {
             Primitive::Triangle(triangle) => {
                 triangle_meets_box(&triangle.0, ends) && !triangle.is_degenerate()

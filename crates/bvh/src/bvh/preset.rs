@@ -6,6 +6,7 @@ use super::sah::Budget;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
+#[non_exhaustive]
 pub enum Preset {
     /// For scenes that change with every picture, or that few rays are cast in: obvhs's PLOC and little of its
     /// reinsertion.

@@ -195,18 +195,6 @@ impl AnalyticShape {
     pub fn volume(&self) -> f64 {
         each!(self, shape => shape.volume())
     }
-
-    /// A random point of the surface as seen from `from`: the unit direction towards it and its distance. `numbers` are
-    /// in [0, 1). `None` where nothing is seen.
-    pub fn sample(&self, from: DVec3, numbers: [f64; 2]) -> Option<(DVec3, f64)> {
-        each!(self, shape => shape.sample(from, numbers))
-    }
-
-    /// The reciprocal of the density per solid angle, in steradians, with which [`AnalyticShape::sample`] from `from`
-    /// chooses the point of the surface at `position`.
-    pub fn sampled_solid_angle(&self, from: DVec3, position: DVec3) -> f64 {
-        each!(self, shape => shape.sampled_solid_angle(from, position))
-    }
 }
 
 impl<D: Doubles> ShapeN<D> {

@@ -169,7 +169,7 @@ pub(crate) fn round_down(x: f64) -> f32 {
 
 /// The smallest f32 that is not below `x`.
 #[inline(always)]
-pub fn round_up(x: f64) -> f32 {
+pub(crate) fn round_up(x: f64) -> f32 {
     let y = x as f32;
     let bits = y.to_bits();
     // The next number up. `y < x` excludes NaN, +infinity and -0.

@@ -12,7 +12,7 @@ use glam::DVec3;
 /// be changed, but for the ends by [`Ray::between`], which checks them:
 ///
 /// ```compile_fail,E0616
-/// # use kiln_bvh::bvh::Bvh;
+/// # use kiln_bvh::Bvh;
 /// let mut ray = Bvh::new([([0.0; 3], 1.0).into()]).unwrap().ray([0.0; 3], [1.0; 3]).unwrap();
 /// ray.t_min = -1.0;
 /// ```

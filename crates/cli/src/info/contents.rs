@@ -6,9 +6,8 @@ use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::{FileNames, Lines, geometry, lights, materials, objects};
-use kiln::bvh::Primitive;
+use kiln::bvh::{Primitive, Triangle};
 use kiln::error::Result;
-use kiln::geometry::Triangle;
 use kiln::import::sharing::shared;
 use kiln::scene::mesh::topology::Topology;
 use kiln::scene::{AnalyticShape, Camera, Focus, Object, Projection, Scene, Shape};

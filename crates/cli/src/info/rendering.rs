@@ -7,7 +7,7 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::{FileNames, Lines};
-use kiln::bvh::Description;
+use kiln::bvh::detail::Description;
 use kiln::effects::Decision;
 use kiln::error::{Error, Result, Warnings};
 use kiln::import::sharing::shared;

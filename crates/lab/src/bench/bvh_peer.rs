@@ -8,12 +8,12 @@ use nalgebra::{Point3, Vector3};
 
 use super::speed::Kind;
 use super::{Built, Engine, Facts, Label, RayQueue, singly};
-use kiln::bvh::{Quality, VisitedNode, quality};
-use kiln::geometry::Ray;
+use kiln::bvh::Ray;
+use kiln::bvh::detail::{Quality, VisitedNode, quality};
 
 /// The only engine.
 pub(crate) fn engines() -> Vec<Engine> {
-    let isa = kiln::bvh::compiled_isa();
+    let isa = kiln::bvh::detail::compiled_isa();
     let label = Label { engine: "bvh", layout: "bvh2", tier: None, preset: None, isa };
     vec![Engine::new(label, |mesh| {
         let triangle = |id: u32| {

@@ -12,9 +12,9 @@ use rayon::prelude::*;
 use super::leaks::count;
 use super::{Engine, Icosphere, LEVEL, Label, Numbers, PLACEMENTS, Quartiles, Unavailable, embree, own};
 use crate::timing::Clock;
-use kiln::bvh::{Bvh, CONTAINS_DIRECTION, Layout, Preset, Primitive, Traversal};
+use kiln::bvh::detail::{Layout, RayBuffer};
+use kiln::bvh::{Bvh, CONTAINS_DIRECTION, Numerics, Preset, Primitive, Side, Traversal, Triangle};
 use kiln::error::{Error, Result};
-use kiln::geometry::{Numerics, RayBuffer, Side, Triangle};
 use kiln::render::RenderControl;
 
 /// What the line of a point and the direction of its test ray passes through.

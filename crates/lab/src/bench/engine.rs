@@ -4,9 +4,9 @@ use glam::DVec3;
 
 use super::Mesh;
 use super::speed::Kind;
-use kiln::bvh::Tests;
+use kiln::bvh::detail::Tests;
+use kiln::bvh::{Numerics, Ray};
 use kiln::error::Result;
-use kiln::geometry::{Numerics, Ray};
 
 /// Name of an engine.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -52,9 +52,9 @@ impl Engine {
 pub struct Facts {
     /// Number of nodes.
     pub nodes: Option<u64>,
-    /// See [`Quality::depth`](kiln::bvh::Quality::depth).
+    /// See [`Quality::depth`](kiln::bvh::detail::Quality::depth).
     pub depth: Option<u32>,
-    /// See [`Quality::sah_cost`](kiln::bvh::Quality::sah_cost).
+    /// See [`Quality::sah_cost`](kiln::bvh::detail::Quality::sah_cost).
     pub sah_cost: Option<f64>,
     /// Size in bytes, including triangles.
     pub bytes: Option<u64>,

@@ -5,7 +5,7 @@ use std::fs::read_to_string;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use kiln::bvh::compiled_isa;
+use kiln::bvh::detail::compiled_isa;
 
 /// The fields that `study.json` and the JSON of `kiln bench` begin with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -48,8 +48,8 @@ pub use numbers::Numbers;
 pub use plot::three_digits;
 pub use rays::{LeakRayKind, ray};
 
+use kiln::bvh::Hit;
 use kiln::error::Error;
-use kiln::geometry::Hit;
 
 /// Subdivision level of the closed mesh: 81,920 triangles.
 const LEVEL: u32 = 6;

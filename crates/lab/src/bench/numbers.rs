@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use kiln::bvh::splitmix64::{GOLDEN, splitmix64};
+use kiln::bvh::detail::{GOLDEN, splitmix64};
 
 /// A sequence of random numbers: PCG-XSH-RR 64/32 (O'Neill, PCG: A Family of Simple Fast Space-Efficient Statistically
 /// Good Algorithms for Random Number Generation, 2014), started where SplitMix64 (Steele, Lea and Flood, Fast

@@ -14,13 +14,13 @@ use obvhs::triangle::Triangle;
 
 use super::speed::Kind;
 use super::{Built, Engine, Facts, Label, Mesh, RayQueue, singly};
-use kiln::bvh::{VisitedNode, quality};
-use kiln::geometry;
+use kiln::bvh;
+use kiln::bvh::detail::{VisitedNode, quality};
 
 /// Both layouts.
 pub(crate) fn engines() -> Vec<Engine> {
     let engine = |layout, is_wide| {
-        let isa = kiln::bvh::compiled_isa();
+        let isa = kiln::bvh::detail::compiled_isa();
         let label = Label { engine: "obvhs", layout, tier: None, preset: Some("medium-build"), isa };
         Engine::new(label, move |mesh| Ok(Box::new(BuiltObvhs::new(is_wide, mesh))))
     };
@@ -112,8 +112,8 @@ impl Built for BuiltObvhs {
         }
     }
 
-    fn queue<'a>(&'a self, kind: Kind, rays: &'a [geometry::Ray]) -> Box<dyn RayQueue + 'a> {
-        let own = |ray: &geometry::Ray| {
+    fn queue<'a>(&'a self, kind: Kind, rays: &'a [bvh::Ray]) -> Box<dyn RayQueue + 'a> {
+        let own = |ray: &bvh::Ray| {
             let [near, far] = [ray.t_min(), ray.t_max()].map(|t| t as f32);
             Ray::new(ray.origin().as_vec3a(), ray.direction().as_vec3a(), near, far)
         };

@@ -4,8 +4,8 @@ use glam::DVec3;
 
 use super::speed::Kind;
 use super::{Built, Engine, Facts, Label, Mesh, RayQueue};
-use kiln::bvh::{self, Accelerator, Layout, Preset, Primitive, Slot, Tests, Traversal};
-use kiln::geometry::{HitBuffer, Numerics, PrimId, Ray, RayBuffer, Triangle};
+use kiln::bvh::detail::{Accelerator, HitBuffer, Layout, RayBuffer, Slot, Tests};
+use kiln::bvh::{self, Numerics, Preset, PrimId, Primitive, Ray, Traversal, Triangle};
 
 /// Name of the layout whose queries test every triangle, which is feasible for small meshes only.
 pub(crate) const BRUTE_FORCE: &str = "brute-force";
@@ -18,7 +18,7 @@ pub(crate) fn engine(structure: Layout, numerics: Numerics) -> Engine {
         Layout::Avx2(preset) => ("bvh8-avx2", Some(preset)),
         Layout::Portable(preset) => ("bvh8-portable", Some(preset)),
     };
-    let isa = bvh::build([], structure, Numerics::default()).describe().isa;
+    let isa = bvh::detail::build([], structure, Numerics::default()).describe().isa;
     let (tier, preset) = (Some(numerics.name()), preset.map(Preset::name));
     let label = Label { engine: "kiln", layout, tier, preset, isa };
     Engine::new(label, move |mesh| Ok(Box::new(BuiltKiln(accelerator(mesh, structure, numerics)))))
@@ -53,7 +53,7 @@ pub(crate) fn accelerator(mesh: &Mesh, structure: Layout, numerics: Numerics) ->
         let triangle = Triangle(mesh.corners(id).map(|corner| corner.as_dvec3()));
         Slot { primitive: Primitive::Triangle(triangle), id: PrimId(id) }
     });
-    bvh::build(slots, structure, numerics)
+    bvh::detail::build(slots, structure, numerics)
 }
 
 struct BuiltKiln(Box<dyn Accelerator>);

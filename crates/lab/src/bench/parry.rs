@@ -7,12 +7,12 @@ use parry3d::shape::{CompositeShapeRef, TriMesh};
 
 use super::speed::Kind;
 use super::{Built, Engine, Facts, Label, RayQueue, singly};
+use kiln::bvh::Ray;
 use kiln::error::Error;
-use kiln::geometry::Ray;
 
 /// The only engine.
 pub(crate) fn engines() -> Vec<Engine> {
-    let isa = kiln::bvh::compiled_isa();
+    let isa = kiln::bvh::detail::compiled_isa();
     let label = Label { engine: "parry3d", layout: "trimesh", tier: None, preset: None, isa };
     vec![Engine::new(label, |mesh| {
         let vertices = mesh.positions.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();

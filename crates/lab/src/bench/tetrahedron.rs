@@ -5,8 +5,8 @@ use std::collections::HashMap;
 use glam::{DQuat, DVec3};
 
 use super::{Mesh, Numbers, Placement};
-use kiln::geometry::Numerics;
-use kiln::geometry::spawn::SurfacePoint;
+use kiln::bvh::Numerics;
+use kiln::bvh::detail::SurfacePoint;
 
 /// A regular tetrahedron with subdivided faces, rotated so that no face is axis-aligned. Its dihedral angles of 70.5
 /// degrees are acute: a point on an edge that is offset along the normal of one face is behind the other face.

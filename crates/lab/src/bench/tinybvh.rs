@@ -5,8 +5,8 @@ use tinybvh_rs::{Intersection, Intersector, Ray, bvh, bvh8_cpu, mbvh};
 
 use super::speed::Kind;
 use super::{Built, Engine, Label, Mesh, RayQueue, singly};
+use kiln::bvh;
 use kiln::error::{Error, Result};
-use kiln::geometry;
 
 /// BVH8_CPU: eight boxes per node, four triangles per leaf, AVX2. Its rays have no t_min, so that they cannot be
 /// continued behind a crossing.
@@ -67,8 +67,8 @@ unsafe impl Send for BuiltTinybvh {}
 
 impl Built for BuiltTinybvh {
     /// The wrapper has no occlusion query: a hit before t_max is occlusion.
-    fn queue<'a>(&'a self, _: Kind, rays: &'a [geometry::Ray]) -> Box<dyn RayQueue + 'a> {
-        let own = |ray: &geometry::Ray| {
+    fn queue<'a>(&'a self, _: Kind, rays: &'a [bvh::Ray]) -> Box<dyn RayQueue + 'a> {
+        let own = |ray: &bvh::Ray| {
             let t_max = (ray.t_max() as f32).min(tinybvh_rs::INFINITE);
             (Aligned::new(ray.origin().as_vec3(), ray.direction().as_vec3(), t_max), t_max)
         };

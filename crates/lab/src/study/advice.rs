@@ -6,7 +6,7 @@ use super::data::{SettingRow, Significance, Study};
 use super::pareto::{TimedError, front};
 use super::path_sweep;
 use crate::timing::Quartiles;
-use kiln::geometry::Numerics;
+use kiln::bvh::Numerics;
 
 /// The fastest setting below an error bound.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -9,9 +9,9 @@ use rayon::prelude::*;
 
 use super::data::GeometryErrors;
 use super::leaks::ClosedMesh;
-use kiln::bvh::Traversal;
+use kiln::bvh::detail::{HitBuffer, RayBuffer};
+use kiln::bvh::{Hit, Ray, Traversal};
 use kiln::error::Result;
-use kiln::geometry::{Hit, HitBuffer, Ray, RayBuffer};
 use kiln::render::RenderControl;
 use kiln::world::{View, World};
 

@@ -8,9 +8,9 @@ use glam::DVec3;
 
 use crate::bench::Numbers;
 use crate::bench::leaks::count;
-use kiln::bvh::{self, Accelerator, Layout, Primitive, Slot, Traversal};
+use kiln::bvh::detail::{Accelerator, Layout, Slot};
+use kiln::bvh::{self, Numerics, PrimId, Primitive, Ray, Traversal, Triangle};
 use kiln::error::Result;
-use kiln::geometry::{Numerics, PrimId, Ray, Triangle};
 use kiln::render::RenderControl;
 use kiln::scene::mesh::topology::Topology;
 use kiln::scene::{Scene, Shape};
@@ -57,7 +57,7 @@ impl ClosedMesh {
         let slots = (0..)
             .zip(&self.corners)
             .map(|(id, &corners)| Slot { primitive: Primitive::Triangle(Triangle(corners)), id: PrimId(id) });
-        bvh::build(slots, Layout::default(), numerics)
+        bvh::detail::build(slots, Layout::default(), numerics)
     }
 
     /// An interior point: the middle between the first two intersections of a line with the mesh. The line starts

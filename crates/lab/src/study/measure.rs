@@ -14,9 +14,9 @@ use super::work::{MeasuredSetting, StudyRun, distinct, filters, prepare};
 use super::{advice, ambient, path_sweep, steps, techniques};
 use crate::bench::ResultFile;
 use crate::timing::{Clock, Quartiles};
+use kiln::bvh::Numerics;
 use kiln::effects::RayKind;
 use kiln::error::{Error, Result};
-use kiln::geometry::Numerics;
 use kiln::job::{ResolvedPicture, Session};
 use kiln::render::RenderControl;
 

@@ -6,9 +6,9 @@
 
 use super::data::{NoiseFloor, Significance};
 use super::setting::Setting;
+use kiln::bvh::Numerics;
 use kiln::error::Result;
 use kiln::film::FilterShape;
-use kiln::geometry::Numerics;
 use kiln::metrics::{ComparedImage, Errors, Figures};
 
 /// Ratio of an error to the noise of the reference from which on it is significant: as squares add up, the noise then

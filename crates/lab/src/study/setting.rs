@@ -1,9 +1,9 @@
 //! Settings: the values of all parameters that a study varies.
 
-use kiln::bvh::Layout;
+use kiln::bvh::Numerics;
+use kiln::bvh::detail::Layout;
 use kiln::effects::{EffectId, LightTechnique, PathSettings, PlanSettings, id};
 use kiln::film::ColourPipeline;
-use kiln::geometry::Numerics;
 use kiln::scene::{Material, Sampling, Scene, TextureFilter, Transport};
 
 /// Values of all varied parameters.

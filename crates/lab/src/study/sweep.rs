@@ -4,10 +4,10 @@
 use super::data::ReferenceKind;
 use super::path_sweep;
 use super::setting::Setting;
-use kiln::bvh::{Layout, Preset};
+use kiln::bvh::detail::Layout;
+use kiln::bvh::{Numerics, Preset};
 use kiln::effects::{EFFECTS, Effect, EffectId, Plan, id};
 use kiln::film::{ColourPipeline, FilterShape};
-use kiln::geometry::Numerics;
 use kiln::scene::{DefaultLook, Material, Sampling, Scene, TextureFilter};
 
 /// Maximum number of primitives for brute force.

@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use super::*;
-use kiln::bvh::Layout;
+use kiln::bvh::detail::Layout;
 use kiln::effects::{Plan, PlanSettings};
 use kiln::error::Warnings;
 use kiln::farm::Shard;

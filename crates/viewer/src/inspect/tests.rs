@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use super::*;
-use kiln::bvh::Layout;
+use kiln::bvh::detail::Layout;
 use kiln::effects::PlanSettings;
 use kiln::error::Warnings;
 use kiln::scene::{Camera, Numerics, Projection, Scene};

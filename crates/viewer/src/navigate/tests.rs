@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use kiln::geometry::Sphere;
+use kiln::bvh::Sphere;
 use kiln::scene::{Scene, Shape};
 use kiln::world::{StandardView, fitted_camera};
 

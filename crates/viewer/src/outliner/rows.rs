@@ -129,7 +129,7 @@ pub(super) fn isolated(hide: &[String], name: &str) -> [Vec<String>; 2] {
 mod tests {
     use super::*;
     use glam::DVec3;
-    use kiln::geometry::{AnalyticShape, Sphere};
+    use kiln::bvh::{AnalyticShape, Sphere};
     use kiln::scene::Shape;
 
     /// Spheres with these names.

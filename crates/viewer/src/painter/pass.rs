@@ -302,8 +302,8 @@ mod tests {
     use crate::controls::Controls;
     use crate::painter::RenderCache;
     use crate::request::{CameraSource, Opened};
+    use kiln::bvh::Sphere;
     use kiln::film::tone::ToneMap;
-    use kiln::geometry::Sphere;
     use kiln::glam::DVec3;
     use kiln::job::{RenderSettings, Session};
     use kiln::scene::{Scene, Shape};

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::geometry::Triangle;
+use crate::bvh::Triangle;
 use crate::scene::Mesh;
 use crate::scene::mesh::topology::{Findings, Location};
 

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::geometry::Triangle;
+use crate::bvh::Triangle;
 use crate::scene::mesh::topology::{BoundaryEdge, Findings, Welded};
 
 /// Vertices in a leaf.

@@ -41,6 +41,7 @@ use glam::DVec3;
 
 use super::crossings::{CONTAINS_DIRECTION, winding_ray};
 use super::{Bvh, Traversal};
+use crate::geometry::Point;
 use crate::geometry::simd::InstructionSet;
 pub(super) use expansions::Expansions;
 
@@ -88,11 +89,11 @@ impl Bvh {
     /// not closed.
     pub fn generalised_winding_number(
         &self,
-        point: impl Into<DVec3>,
+        point: impl Point,
         beta: f64,
         traversal: &mut Traversal,
     ) -> WindingNumber {
-        let point = point.into();
+        let point = point.to_dvec3();
         if self.closedness().is_closed() {
             return WindingNumber::exact(point, self.winding_number(point, traversal));
         }

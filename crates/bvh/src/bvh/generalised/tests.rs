@@ -354,7 +354,7 @@ fn points_on_the_surface_are_not_decided() {
         let number = bvh.generalised_winding_number([0.0, q, 0.0], 1.0, traversal);
         assert!(number.value == 0.0 && number.margin() < 0.0, "{number:?}");
     }
-    assert_eq!(bvh.par_generalised_winding_numbers(&[], 1.0), []);
+    assert_eq!(bvh.par_generalised_winding_numbers(&[DVec3::ZERO; 0], 1.0), []);
     // NaN is as 1.
     let q = DVec3::splat(0.3);
     let numbers = [f64::NAN, -1.0, 0.0, 1.0].map(|beta| bvh.generalised_winding_number(q, beta, traversal));

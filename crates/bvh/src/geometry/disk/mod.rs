@@ -24,7 +24,7 @@ use super::fast;
 use super::lanes::{HitN, RayN, dot};
 use super::simd::{Doubles, Floats};
 use super::spawn::SurfacePoint;
-use super::{Bounds, Precision, Ray, Side, sin_cos_of_turns};
+use super::{Bounds, Precision, Ray, Side};
 
 /// A disk, flat and seen from both sides.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -164,24 +164,6 @@ impl Disk {
 
     pub(super) fn volume(&self) -> f64 {
         0.0
-    }
-
-    /// Uniform in the area.
-    pub(super) fn sample(&self, from: DVec3, [x, y]: [f64; 2]) -> Option<(DVec3, f64)> {
-        let (tangent, bitangent) = self.normal.any_orthonormal_pair();
-        let (sin, cos) = sin_cos_of_turns(y);
-        let from_centre = (tangent * cos + bitangent * sin) * (self.radius * x.sqrt());
-        let to_point = self.centre + from_centre - from;
-        let distance = to_point.length();
-        (distance > 0.0 && distance.is_finite()).then(|| (to_point / distance, distance))
-    }
-
-    /// The area times the cosine over the squared distance.
-    pub(super) fn sampled_solid_angle(&self, from: DVec3, position: DVec3) -> f64 {
-        let to_point = position - from;
-        let distance = to_point.length();
-        let cosine = (to_point / distance).dot(self.normal).abs();
-        (self.radius / distance).powi(2) * std::f64::consts::PI * cosine
     }
 }
 

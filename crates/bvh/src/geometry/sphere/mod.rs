@@ -7,7 +7,6 @@
 
 mod exact;
 mod fast;
-mod sampling;
 
 use glam::DVec3;
 
@@ -142,14 +141,6 @@ impl Sphere {
 
     pub(super) fn direction_mut(&mut self) -> Option<&mut DVec3> {
         None
-    }
-
-    pub(super) fn sampled_solid_angle(&self, from: DVec3, _: DVec3) -> f64 {
-        sampling::solid_angle(self, from)
-    }
-
-    pub(super) fn sample(&self, from: DVec3, numbers: [f64; 2]) -> Option<(DVec3, f64)> {
-        sampling::sample(self, from, numbers)
     }
 
     pub(super) fn normal_derivative(&self, _: DVec3, step: DVec3) -> DVec3 {

@@ -8,7 +8,7 @@ use super::super::speed::Kind;
 use super::super::{Available, Built, Engine, Facts, Label, RayQueue};
 use super::records::{Arguments, NOTHING, RayHit, RayHits, RayOnly, Rays, Valid};
 use super::{Device, NATIVE_RAY8, NATIVE_RAY16, Quality, Scene};
-use kiln::geometry::Ray;
+use kiln::bvh::Ray;
 
 /// Maximum number of crossings of a ray.
 const MAX_CROSSINGS: usize = 64;

@@ -4,7 +4,7 @@
 use std::ffi::{c_int, c_uint, c_void};
 use std::ptr;
 
-use kiln::geometry::Ray;
+use kiln::bvh::Ray;
 
 /// `RTC_INVALID_GEOMETRY_ID`.
 pub(crate) const NOTHING: c_uint = c_uint::MAX;

@@ -7,9 +7,9 @@ use rayon::prelude::*;
 use super::super::{Built, Engine, Facts, Label, Mesh, RayQueue, own};
 use super::{Kind, RaySets, ReferenceHits, rays};
 use crate::timing::{Clock, Quartiles};
-use kiln::bvh::{Layout, Preset, Tests};
+use kiln::bvh::detail::{Layout, Tests};
+use kiln::bvh::{Numerics, Preset, Ray};
 use kiln::error::{Error, Result};
-use kiln::geometry::{Numerics, Ray};
 use kiln::limits;
 use kiln::render::RenderControl;
 

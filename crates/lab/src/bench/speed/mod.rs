@@ -19,8 +19,8 @@ pub use scaling::{ScalingStep, plot as scaling_plot, scaling, sizes};
 pub use setting::{Triangles, Viewpoint, scene, triangles, view_setup};
 
 use super::{Available, Engine, Unavailable, embree, gathered, obvhs, own, tinybvh};
-use kiln::bvh::Layout;
-use kiln::geometry::Numerics;
+use kiln::bvh::Numerics;
+use kiln::bvh::detail::Layout;
 
 /// All libraries of [`engines`].
 pub const NAMES: [&str; 6] = ["kiln", "obvhs", "bvh", "parry3d", "tinybvh", "embree"];

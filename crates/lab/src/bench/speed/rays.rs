@@ -4,9 +4,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::super::{Mesh, Numbers, own};
-use kiln::bvh::{Accelerator, Layout, Primitive, Traversal};
-use kiln::geometry::spawn::SurfacePoint;
-use kiln::geometry::{Hit, HitBuffer, Numerics, Precision, Ray, RayBuffer};
+use kiln::bvh::detail::{Accelerator, HitBuffer, Layout, Precision, RayBuffer, SurfacePoint};
+use kiln::bvh::{Hit, Numerics, Primitive, Ray, Traversal};
 use kiln::world::View;
 
 /// Kind of rays.

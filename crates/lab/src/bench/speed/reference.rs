@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use super::super::is_nearest;
-use kiln::bvh::{Accelerator, Traversal};
-use kiln::geometry::{Hit, Ray};
+use kiln::bvh::detail::Accelerator;
+use kiln::bvh::{Hit, Ray, Traversal};
 
 /// The right answers to rays.
 pub struct ReferenceHits<'a> {

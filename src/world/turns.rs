@@ -23,7 +23,7 @@ const ROUNDING: f64 = (3u64 << 51) as f64;
 
 /// Sine and cosine of 2 pi times `turns`, off by less than 2^-51 (measured: 0.47 of that). `turns` are from -2^20 to 2^20.
 #[inline(always)]
-pub fn sin_cos_of_turns(turns: f64) -> (f64, f64) {
+pub(crate) fn sin_cos_of_turns(turns: f64) -> (f64, f64) {
     // Quarters are exact, and so is what is left: at most an eighth of a turn, pi / 4 at most. There the first terms left
     // out are x^17 / 17! = 4.6e-17 and x^18 / 18! = 2e-18.
     debug_assert!(turns.abs() <= f64::from(1 << 20), "{turns} turns");
