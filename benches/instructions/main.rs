@@ -73,7 +73,7 @@ fn origin(tree: &dyn Accelerator, ray: &Ray, hit: &Hit) -> (DVec3, DVec3) {
     let normal = triangle.normal().normalize();
     let normal = if normal.dot(ray.direction()) > 0.0 { -normal } else { normal };
     let [v, w] = hit.barycentrics;
-    let point = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
+    let point = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w], Numerics::Watertight);
     (point.origin_towards(normal, Numerics::Watertight), normal)
 }
 

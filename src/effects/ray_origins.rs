@@ -24,7 +24,8 @@ pub(crate) fn find_origins(surfaces: &InteractionSoa, origins: &mut Vec3Soa, num
     // The tier is passed as a constant, so that the loops have no branch on it.
     match numerics {
         Numerics::Fast => simd!(compute_origins(surfaces, origins, Numerics::Fast)),
-        _ => simd!(compute_origins(surfaces, origins, Numerics::Watertight)),
+        Numerics::Watertight => simd!(compute_origins(surfaces, origins, Numerics::Watertight)),
+        _ => simd!(compute_origins(surfaces, origins, Numerics::Double)),
     }
 }
 

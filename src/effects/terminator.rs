@@ -16,7 +16,7 @@ use glam::DVec3;
 use super::plan::transport_for;
 use super::tile::{RayGeneration, RenderContext, StartPoints, Tile, vec_bytes};
 use super::{Effect, EffectContext, Hook, PlanSettings, RayKind, Stage, id, named};
-use crate::bvh::detail::{EDGE_DISTANCE, ORIGIN_OFFSET, RayBuffer};
+use crate::bvh::detail::{EDGE_DISTANCE, RayBuffer, origin_offset};
 use crate::world::{InteractionSoa, Vec3Soa, World, WorldObject};
 
 /// Occlusion tests between points and their lifted positions.
@@ -133,7 +133,7 @@ impl Buffers {
             let way = origin - origins.get(index);
             if let Some(direction) = way.try_normalize() {
                 // Beyond the new origin by the offset of both origins, to hit also the surface that it lies on.
-                let length = way.length() + 2.0 * ORIGIN_OFFSET * point.reach.max_element();
+                let length = way.length() + 2.0 * origin_offset(numerics) * point.reach.max_element();
                 self.rays.push(&numerics.ray_precision().ray(origins.get(index), direction, 0.0, length));
                 self.lifted.push((index as u32, [point.position, origin]));
             }

@@ -12,7 +12,7 @@ use super::sampled_triangle::{SampledTriangle, TriangleSample, TwoTriangles};
 use super::shape_sampling;
 use super::{Image, PreparedMaterial, SurfaceInteraction};
 use crate::bvh::detail::{Precision, SurfacePoint};
-use crate::bvh::{AnalyticShape, PrimId, Primitive, Triangle};
+use crate::bvh::{AnalyticShape, Numerics, PrimId, Primitive, Triangle};
 use crate::film::colour::luminance;
 use crate::scene::{Attribute, Mesh, Object, Shape, TextureSlot};
 
@@ -383,5 +383,5 @@ fn area(primitive: &Primitive) -> f64 {
 fn in_halves([lower, upper]: &[Triangle; 2], [x, y]: [f64; 2]) -> Option<(SurfacePoint, DVec3)> {
     let (triangle, barycentrics) =
         if x >= y { (lower, [1.0 - x, x - y, y]) } else { (upper, [1.0 - y, x, y - x]) };
-    Some((SurfacePoint::on_triangle(triangle.0, barycentrics), triangle.unit_normal()?))
+    Some((SurfacePoint::on_triangle(triangle.0, barycentrics, Numerics::Watertight), triangle.unit_normal()?))
 }

@@ -79,7 +79,7 @@ impl World {
             Primitive::Triangle(triangle) => {
                 let [v, w] = hit.barycentrics;
                 let barycentrics = [1.0 - v - w, v, w];
-                let point = SurfacePoint::on_triangle(triangle.0, barycentrics);
+                let point = SurfacePoint::on_triangle(triangle.0, barycentrics, self.numerics());
                 surface.is_turned = is_turned(triangle.normal());
                 let normal = triangle.unit_normal().map_or(view, facing);
                 surface.point = self.with_visible_start(point, normal, view, hit.t);
@@ -165,7 +165,7 @@ impl World {
         if numerics == Numerics::Fast {
             return point;
         }
-        let before = point.before_hit(view, distance, normal);
+        let before = point.before_hit(view, distance, normal, numerics);
         let [from, to] = [before, point].map(|point| point.origin_towards(normal, numerics));
         let Some(direction) = (to - from).try_normalize() else { return point };
         let ray = numerics.ray_precision().ray(from, direction, 0.0, from.distance(to));
@@ -234,7 +234,7 @@ impl World {
             Primitive::Analytic(shape) => shape.surface(position),
             Primitive::Triangle(triangle) => {
                 let [v, w] = hit.barycentrics;
-                let point = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
+                let point = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w], self.numerics());
                 (point, triangle.unit_normal().unwrap_or(direction))
             }
         };

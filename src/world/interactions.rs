@@ -14,7 +14,7 @@ use super::simd;
 use super::soa::{Flags, PerRay, RAYS_PER_BATCH, Vec3Soa};
 use super::texels::Texels;
 use crate::bvh::detail::{EdgeTest, HitBuffer, RayBuffer, SurfacePoint};
-use crate::bvh::{AnalyticShape, Hit, PrimId, Primitive, SlotId, Triangle};
+use crate::bvh::{AnalyticShape, Hit, Numerics, PrimId, Primitive, SlotId, Triangle};
 
 /// The shortest run of hits on one primitive that is computed in a loop of its own.
 const MIN_RUN: usize = 4;
@@ -261,7 +261,7 @@ impl World {
                 }
                 Primitive::Triangle(triangle) => {
                     if let Some(normal) = triangle.unit_normal() {
-                        let edges = EdgeTest::new(triangle.0);
+                        let edges = EdgeTest::new(triangle.0, self.numerics());
                         let is_any_near =
                             simd!(on_triangle(surfaces, range.clone(), &triangle, normal, &edges));
                         if is_any_near {
@@ -292,7 +292,8 @@ impl World {
                 }
             }
         }
-        simd!(on_triangles(surfaces, range.clone()));
+        let numerics = self.numerics();
+        simd!(on_triangles(surfaces, range.clone(), numerics));
         for i in range {
             if surfaces.is_scalar.get(i) {
                 let ray = rays.get(surfaces.ray_of[i] as usize);
@@ -326,7 +327,7 @@ impl World {
         for i in range {
             let barycentrics = surfaces.barycentrics(i);
             if edges.is_near(barycentrics) {
-                let point = SurfacePoint::on_triangle(triangle.0, barycentrics);
+                let point = SurfacePoint::on_triangle(triangle.0, barycentrics, self.numerics());
                 let (normal, view) = (surfaces.geometric_normal.get(i), surfaces.view.get(i));
                 let point = self.with_visible_start(point, normal, view, surfaces.t[i]);
                 surfaces.start.set(i, point.start);
@@ -369,13 +370,13 @@ fn on_triangle(
 /// Computes hits on the triangles of `corners`, without vertex attributes. Those near an edge, or on triangles without
 /// normal, are left to [`World::interaction`].
 #[inline(always)]
-fn on_triangles(surfaces: &mut InteractionSoa, range: Range<usize>) {
+fn on_triangles(surfaces: &mut InteractionSoa, range: Range<usize>, numerics: Numerics) {
     for i in range.start..range.end.min(RAYS_PER_BATCH) {
         let [a, b, c] = &surfaces.corners;
         let triangle = Triangle([a.get(i), b.get(i), c.get(i)]);
         let barycentrics = surfaces.barycentrics(i);
         let (normal, has_normal) = triangle.unit_normal_unchecked();
-        let is_near = EdgeTest::new(triangle.0).is_near(barycentrics);
+        let is_near = EdgeTest::new(triangle.0, numerics).is_near(barycentrics);
         let is_turned = triangle.normal().dot(surfaces.view.get(i)) < 0.0;
         finish(surfaces, i, SurfacePoint::in_triangle(triangle.0, barycentrics), normal);
         surfaces.is_turned.set(i, is_turned);

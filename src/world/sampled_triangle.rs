@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use crate::bvh::Triangle;
 use crate::bvh::detail::{EdgeTest, SurfacePoint, point_at, reach_of};
+use crate::bvh::{Numerics, Triangle};
 
 /// A triangle, with what all of its points have in common.
 pub(super) struct SampledTriangle {
@@ -17,7 +17,7 @@ pub(super) struct SampledTriangle {
 
 impl SampledTriangle {
     pub(super) fn new(triangle: Triangle) -> Self {
-        let (normal, edges) = (triangle.unit_normal(), EdgeTest::new(triangle.0));
+        let (normal, edges) = (triangle.unit_normal(), EdgeTest::new(triangle.0, Numerics::Watertight));
         SampledTriangle { triangle, normal, edges, reach: reach_of(triangle.0) }
     }
 
@@ -34,7 +34,7 @@ impl SampledTriangle {
         let barycentrics = barycentrics_at(numbers);
         let (mut point, is_near) = self.point(barycentrics);
         if is_near {
-            point = SurfacePoint::on_triangle(self.triangle.0, barycentrics);
+            point = SurfacePoint::on_triangle(self.triangle.0, barycentrics, Numerics::Watertight);
         }
         Some((TriangleSample { point, normal: self.normal?, density }, barycentrics))
     }
@@ -124,7 +124,11 @@ mod tests {
         {
             let (sample, barycentrics) = sampled.sample(1.0, numbers).expect("a normal");
             let TriangleSample { point, normal, .. } = sample;
-            assert_eq!(point, SurfacePoint::on_triangle(triangle.0, barycentrics), "{numbers:?}");
+            assert_eq!(
+                point,
+                SurfacePoint::on_triangle(triangle.0, barycentrics, Numerics::Watertight),
+                "{numbers:?}"
+            );
             assert_eq!(Some(normal), triangle.unit_normal());
             moved += usize::from(point.start != point.position);
         }

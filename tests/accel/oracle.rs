@@ -339,7 +339,7 @@ fn secondary_rays(slots: &[Slot], rays: &[Ray], numerics: Numerics, numbers: &mu
             Primitive::Triangle(triangle) => {
                 let [v, w] = hit.barycentrics;
                 let Some(normal) = triangle.unit_normal() else { continue };
-                (SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]), normal)
+                (SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w], numerics), normal)
             }
         };
         for side in [1.0, -1.0] {

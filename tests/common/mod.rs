@@ -32,7 +32,8 @@ pub fn origin_on_border(
     let corners = corners.map(|p| p.map(|c| numerics.precision().round(c)));
     let normal = kiln::bvh::Triangle(corners).unit_normal()?;
     let normal = if numbers.below(2) == 0 { normal } else { -normal };
-    let point = kiln::bvh::detail::SurfacePoint::on_triangle(corners, barycentrics_on_borders(numbers));
+    let point =
+        kiln::bvh::detail::SurfacePoint::on_triangle(corners, barycentrics_on_borders(numbers), numerics);
     Some((point.origin_towards(normal, numerics), normal))
 }
 

@@ -8,6 +8,7 @@ use crate::common::{Numbers, barycentrics_on_borders};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use kiln::bvh::detail::{
     Accelerator, EDGE_DISTANCE, HitBuffer, Layout, ORIGIN_OFFSET, RayBuffer, Slot, SurfacePoint, build,
+    edge_distance,
 };
 use kiln::bvh::{Numerics, PrimId, Primitive, Ray, Traversal, Triangle};
 use kiln::effects::whitted::glaze::mirrored_ray;
@@ -75,10 +76,10 @@ fn icosphere(level: u32, centre: DVec3, radius: f64) -> Vec<[DVec3; 3]> {
 }
 
 /// The surface point of a hit on a triangle.
-fn point_on(corners: [DVec3; 3], numbers: &mut Numbers) -> SurfacePoint {
+fn point_on(corners: [DVec3; 3], numbers: &mut Numbers, numerics: Numerics) -> SurfacePoint {
     let (u, v) = (numbers.unit(), numbers.unit());
     let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
-    SurfacePoint::on_triangle(corners, [1.0 - u - v, u, v])
+    SurfacePoint::on_triangle(corners, [1.0 - u - v, u, v], numerics)
 }
 
 fn light(direction: DVec3, distance: f64) -> LightSample {
@@ -107,7 +108,7 @@ fn e2_convex_bodies_do_not_shadow_themselves() {
             let mut cast = 0;
             for _ in 0..20_000 {
                 let corners = triangles[numbers.below(triangles.len())];
-                let point = point_on(corners, &mut numbers);
+                let point = point_on(corners, &mut numbers, numerics);
                 let outside = (point.position - centre).normalize();
                 let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
                 let normal = if normal.dot(outside) < 0.0 { -normal } else { normal };
@@ -149,7 +150,7 @@ fn e3_no_light_leaks_through_close_walls() {
                         [corner(-1.0, -1.0), corner(2.0, -1.0), corner(-1.0, 2.0)]
                     };
                     let (own, other) = (wall(0.0), wall(gap * ulp));
-                    let point = point_on(own, &mut numbers);
+                    let point = point_on(own, &mut numbers, numerics);
                     let direction = (normal + 0.5 * numbers.vector()).normalize();
                     // Rounding moves the corners: the distance of the walls where the ray crosses is measured, in f64.
                     let plane = |w: [DVec3; 3]| ((w[1] - w[0]).cross(w[2] - w[0]).normalize(), w[0]);
@@ -205,7 +206,7 @@ fn e2_needles_do_not_shadow_themselves() {
                 else {
                     continue;
                 };
-                let origin = point_on(corners, &mut numbers).origin_towards(normal, numerics);
+                let origin = point_on(corners, &mut numbers, numerics).origin_towards(normal, numerics);
                 let direction = numbers.vector().normalize();
                 let direction = direction * direction.dot(normal).signum();
                 let ray = shadow_ray(origin, &light(direction, f64::INFINITY), numerics);
@@ -443,7 +444,7 @@ fn leaving(
     for i in 0..count {
         let index = i / 32 % triangles.len();
         let corners = rounded(&triangles[index], numerics);
-        let own = SurfacePoint::on_triangle(corners, barycentrics_on_borders(numbers));
+        let own = SurfacePoint::on_triangle(corners, barycentrics_on_borders(numbers), numerics);
         // Triangles visible from inside only: those that close T-vertices may lie outside, behind their neighbours.
         let Some(way) = (own.position - inside).try_normalize() else { continue };
         let ray = numerics.ray_precision().ray(inside, way, 0.0, f64::INFINITY);
@@ -454,7 +455,7 @@ fn leaving(
         let [a, b, c] = corners;
         let perimeter = a.distance(b) + b.distance(c) + c.distance(a);
         let inradius = Triangle(corners).normal().length() / perimeter;
-        let is_thin = inradius < 2.0 * EDGE_DISTANCE * own.reach.max_element();
+        let is_thin = inradius < 2.0 * edge_distance(numerics) * own.reach.max_element();
         let point = if hit.prim == PrimId(index as u32) && !is_thin { own } else { surface.point };
         let origin = point.origin_towards(normal, numerics);
         let direction = match i % 3 {
@@ -578,16 +579,17 @@ fn e7_nothing_escapes_beside_t_vertices() {
     nothing_escapes("T-vertices", &t_vertices, middle_of(1.0), lamp, 0.1);
 }
 
-/// E7: the same in rods whose long triangles are thinner than 6 [`EDGE_DISTANCE`] of their length, so that no point of
-/// them is as far as that from all edges.
+/// E7: the same in rods whose long triangles are thinner than 6 [`edge_distance`] of their length, in the strict tiers
+/// with corners in f32 or in f64, so that no point of them is as far as that from all edges.
 #[test]
 fn e7_nothing_escapes_from_triangles_without_an_interior() {
-    for width in [4e-7, 1e-7] {
+    let [single, double] = [Numerics::Watertight, Numerics::Double];
+    for (width, numerics) in [(4e-7, single), (1e-7, single), (6e-9, double)] {
         let rod: Vec<[DVec3; 3]> = meshes::cube(1)
             .iter()
             .map(|t| t.map(|p| p * DVec3::new(1.0, width / 2.0, width / 2.0)))
             .collect();
-        assert!(width < 6.0 * EDGE_DISTANCE);
+        assert!(width < 6.0 * edge_distance(numerics));
         nothing_escapes(
             &format!("rod of width {width}"),
             &rod,
@@ -685,7 +687,7 @@ fn e7_nothing_escapes_from_an_edge_that_hides_a_face() {
                 let triangle = world.accelerator.primitive(hit.slot);
                 let Primitive::Triangle(Triangle(corners)) = triangle else { unreachable!("a mesh") };
                 let [v, w] = hit.barycentrics;
-                let within = SurfacePoint::on_triangle(corners, [1.0 - v - w, v, w]);
+                let within = SurfacePoint::on_triangle(corners, [1.0 - v - w, v, w], numerics);
                 let offset = within.origin_towards(surface.geometric_normal, numerics);
                 uncorrected.extend((0..8).map(|_| ray(offset, &mut numbers)));
             }
@@ -811,8 +813,9 @@ fn e7_convex_edges_do_not_shadow_themselves() {
                 let corners = rounded(&triangles[numbers.below(triangles.len())], numerics);
                 let normal = Triangle(corners).unit_normal().expect("an area");
                 let normal = normal * (corners[0] - middle).dot(normal).signum();
-                let origin = SurfacePoint::on_triangle(corners, barycentrics_on_borders(&mut numbers))
-                    .origin_towards(normal, numerics);
+                let origin =
+                    SurfacePoint::on_triangle(corners, barycentrics_on_borders(&mut numbers), numerics)
+                        .origin_towards(normal, numerics);
                 let direction = numbers.direction();
                 let direction = direction * direction.dot(normal).signum();
                 if direction.dot(normal) > least_rise {
@@ -889,6 +892,58 @@ fn e7_tiny_spheres_far_away_do_not_shadow_themselves() {
                 assert!((hit.t - chord).abs() <= off, "{} {chord} {off}", hit.t);
             }
         }
+    }
+}
+
+/// E7: the shadow of a kerb of 0.2 m at coordinates of 1e6 m ends 0.2 m / slope of the light from it. From points on the
+/// borders of the road's triangles, shadow rays start 2 e R / sin(pi / 8) = 9.8 mm away at most, with e = 2^-29.
+#[test]
+fn e7_the_shadow_of_a_kerb_far_from_the_origin_ends_where_it_should() {
+    const HEIGHT: f64 = 0.2;
+    const CELL: f64 = 0.25;
+    let at = DVec3::new(1e6, 0.0, -1e6);
+    let rectangle = |a: [f64; 3], along: DVec3, up: DVec3| {
+        let a = at + DVec3::from(a);
+        [[a, a + along, a + along + up], [a, a + along + up, a + up]]
+    };
+    let cells = (0..16).map(|i| [i % 4, i / 4].map(|k| f64::from(k) * CELL));
+    let road = cells.flat_map(|[x, z]| rectangle([x, 0.0, z], DVec3::Z * CELL, DVec3::X * CELL));
+    let long = DVec3::Z * 20.0;
+    let face = rectangle([0.0, 0.0, -10.0], long, DVec3::Y * HEIGHT);
+    let top = rectangle([-0.3, HEIGHT, -10.0], long, DVec3::X * 0.3);
+    let triangles: Vec<[DVec3; 3]> = road.chain(face).chain(top).collect();
+    let mut numbers = Numbers::new(40);
+    for numerics in [Numerics::Double, Numerics::Exact] {
+        let world = closed_world(&triangles, numerics, Layout::default(), false);
+        let (mut checked, mut shaded, mut traversal) = (0, 0, Traversal::default());
+        for i in 0..times_factor(20_000) {
+            let [a, b, c] = triangles[i % 32];
+            let [u, v, w] = barycentrics_on_borders(&mut numbers);
+            let point = a * u + b * v + c * w;
+            let from = point + DVec3::new(0.01, 1.0, 0.02);
+            let ray = numerics.ray_precision().ray(from, (point - from).normalize(), 0.0, f64::INFINITY);
+            let Some(hit) = world.accelerator.closest_hit(&ray, &mut traversal).filter(|hit| hit.prim.0 < 32)
+            else {
+                continue;
+            };
+            let surface = world.interaction(&ray, &hit);
+            let slope = 0.2 + 0.6 * numbers.unit();
+            let before_end = HEIGHT / slope - (surface.point.position.x - at.x);
+            if before_end.abs() < 0.0098 {
+                continue;
+            }
+            let origin = surface.point.origin_towards(surface.geometric_normal, numerics);
+            let to_light = DVec3::new(-1.0, slope, 0.1);
+            let ray = numerics.ray_precision().ray(origin, to_light.normalize(), 0.0, f64::INFINITY);
+            let is_occluded = world.accelerator.is_occluded(&ray, &mut traversal);
+            assert_eq!(is_occluded, before_end > 0.0, "{}, {before_end} m", numerics.name());
+            checked += 1;
+            shaded += usize::from(is_occluded);
+        }
+        assert!(
+            checked * 2 > times_factor(20_000) && shaded * 4 > checked && shaded * 4 < 3 * checked,
+            "{shaded} of {checked}"
+        );
     }
 }
 

@@ -7,7 +7,7 @@ pub use crate::bvh::{
     build_with_instances, can_be_instance, compiled_isa, quality,
 };
 pub use crate::geometry::spawn::{
-    EDGE_DISTANCE, EdgeTest, ORIGIN_OFFSET, SurfacePoint, point_at, reach_of,
+    EDGE_DISTANCE, EdgeTest, ORIGIN_OFFSET, SurfacePoint, edge_distance, origin_offset, point_at, reach_of,
 };
 pub use crate::geometry::{
     Attribute, Bounds, HitBuffer, Precision, RayBuffer, Rays, Step, is_mirror, moved_tangent, normal_matrix,

@@ -6,9 +6,9 @@ use super::LightPath;
 use super::lights::{LightConnection, Lights};
 use super::numbers::GenerationNumbers;
 use super::vertices::{IndexList, Vertices};
-use crate::bvh::Numerics;
-use crate::bvh::detail::{RayBuffer, SurfacePoint};
 use crate::effects::tile::vec_bytes;
+use crate::bvh::detail::{RayBuffer, SurfacePoint};
+use crate::bvh::Numerics;
 use crate::world::{
     EnvironmentCell, Flags, InteractionSoa, PerRay, TriangleSample, TwoTriangles, UNIFORM_DENSITY, Vec3Soa,
     World, select, simd, uniform_direction,
@@ -78,9 +78,10 @@ impl TriangleSamples {
     }
 }
 
-/// A tier for [`SurfacePoint::origin_towards`], as a constant: loops then have no branch on it.
-const fn numerics<const FAST: bool>() -> Numerics {
-    if FAST { Numerics::Fast } else { Numerics::Watertight }
+/// The tier for the ends of shadow rays before lights, by [`SurfacePoint::origin_towards`]: those of `watertight` serve
+/// all strict tiers.
+pub(super) const fn end_tier(is_fast: bool) -> Numerics {
+    if is_fast { Numerics::Fast } else { Numerics::Watertight }
 }
 
 impl LightSamples {
@@ -236,7 +237,7 @@ impl LightSamples {
             let from = vertices.position(i);
             if let Some((sample, _)) = lights.sample_triangle(from, choice, point) {
                 let (_, normal, _) = sample.seen_from(from);
-                self.end.set(i, sample.point.origin_towards(normal, numerics::<FAST>()));
+                self.end.set(i, sample.point.origin_towards(normal, end_tier(FAST)));
             }
         }
     }
@@ -284,7 +285,7 @@ impl LightSamples {
             let (is_set, sample, radiance, is_near) = sample(i);
             is_any_near |= is_set & is_near;
             let (direction, normal, pdf) = sample.seen_from(vertices.position(i));
-            let end = sample.point.origin_towards(normal, numerics::<FAST>());
+            let end = sample.point.origin_towards(normal, end_tier(FAST));
             let direction = select(is_set, direction, self.direction.get(i));
             let pdf = if is_set { (pdf * expected).min(f64::MAX) } else { self.pdf[i] };
             let local = vertices.to_local(i, direction);

@@ -5,8 +5,10 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use super::light_samples::end_tier;
 use super::weights::bsdf_weight;
 use super::{Path, Scatter};
+use crate::bvh::Numerics;
 use crate::effects::{LightTechnique, TextureUse};
 use crate::scene::{TexelEncoding, TextureSlot};
 use crate::shading::LightSample;
@@ -185,7 +187,7 @@ impl<'a> Lights<'a> {
                 radiance: sample.radiance * self.emission_texel(&sample),
                 pdf: (sample.pdf * expected).min(f64::MAX),
                 distance: 0.0,
-                end: sample.point.origin_towards(sample.normal, self.world.numerics()),
+                end: sample.point.origin_towards(sample.normal, end_tier(self.world.numerics() == Numerics::Fast)),
             });
         }
         let environment = self.world.environment.as_ref()?;

@@ -4,43 +4,52 @@
 //! starts behind a neighbouring one (a leak). Offsetting the hit point along the normal (pbrt, 4th edition, section
 //! 6.8) is not enough at an edge of a concave corner: there the offset point lies on or behind the neighbouring face.
 //! So the hit point is moved twice:
-//! 1. within its triangle, until it is [`EDGE_DISTANCE`] R from every edge, or half the inradius if that is less, and
-//! 2. along the geometric normal by [`ORIGIN_OFFSET`] R.
+//! 1. within its triangle, until it is e R from every edge ([`edge_distance`]), or half the inradius if that is less,
+//!    and
+//! 2. along the geometric normal by h R ([`origin_offset`]).
 //!
 //! A ray that meets an edge exactly may report the face that is hidden there behind the other one; then the point
 //! within that face is hidden, too. The points of the incoming ray before the hit are free. If a face separates the
-//! one EDGE_DISTANCE R before the hit from the moved point, that one is used ([`SurfacePoint::before_hit`]). It must
+//! one e R before the hit from the moved point, that one is used ([`SurfacePoint::before_hit`]). It must
 //! be 2^-45 R in front of that face, so that rounding errors decide nothing: R of both triangles, whichever is larger.
 //!
 //! R is the largest coordinate of the triangle's corners. Both distances are relative to the coordinates that the
 //! point was computed from, so they hold at every scale.
 //!
+//! | tier | corners | e | h | h / errors | dihedral angle | angle before the hit |
+//! | --- | --- | --- | --- | --- | --- | --- |
+//! | `watertight` | f32 | 2^-23 | 2^-40 | 189 | 2^-16.9 | 2^-16.9 |
+//! | `double`, `exact` | f64 | 2^-29 | 2^-46 | 2.9 | 2^-16.5 | 2^-15.4 |
+//!
+//! With corners in f32, no smaller e is of use: details are no smaller than their spacing, 2^-23 R. With corners in f64
+//! they may be, as those of a city at the coordinates of a map, and both distances are as small as the errors allow.
+//!
 //! # What this guarantees (`watertight`, `double`, `exact`)
 //! Let u = 2^-53. The hit point is off by less than 8 u R: four roundings of the convex combination, each at most u R
 //! per axis, and three of the barycentrics' sum. The triangle test sees each corner moved by at most 8 u times its
 //! distance from the origin (the difference from the origin rounds by 2 u, the shear by 2 u, their product by u and
-//! the last difference by 2 u), so by 16 u R for the corners of this triangle. The origin is 2^13 u R above the
-//! plane, more than 150 times both together in Euclidean norm, so it is in front of its own triangle, also as the
-//! test sees it.
+//! the last difference by 2 u), so by 16 u R for the corners of this triangle. Each coordinate of the origin is rounded
+//! by another u R. In Euclidean norm, these 25 u R per axis are less than 43.4 u R = 2^-47.5 R. The origin is 2^13 u R
+//! above the plane, or 2^7 u R with corners in f64, so it is in front of its own triangle, also as the test sees it.
 //!
-//! A face that shares an edge with the triangle at a dihedral angle a is EDGE_DISTANCE R tan a above the point; the
-//! origin is in front of that face, too, as long as that exceeds ORIGIN_OFFSET R plus the errors above: for every a >
-//! 2^-16.9, 0.0005 degrees. The same holds for a face that shares one corner only, if it rises at the angle a from the
-//! triangle's plane in the direction from the corner to the moved point. Before the hit, the origin is EDGE_DISTANCE R
-//! sin b in front of every face that the incoming ray met at an angle b: more than 2^-45 R for every b > 2^-21.9. If
-//! the ray met the triangle itself at less than 2^-17, it is lower by ORIGIN_OFFSET R, which is enough for b > 2^-16.9.
-//! If the ray is shorter than 2 EDGE_DISTANCE R, half its length takes the place of EDGE_DISTANCE R.
+//! A face that shares an edge with the triangle at a dihedral angle a is e R tan a above the point; the
+//! origin is in front of that face, too, as long as that exceeds h R plus the errors above: for every a >
+//! 2^-16.9, 0.0005 degrees, or (2^-46 + 2^-47.5) / 2^-29 < 2^-16.5. The same holds for a face that shares one corner
+//! only, if it rises at the angle a from the triangle's plane in the direction from the corner to the moved point.
+//! Before the hit, the origin is e R sin b in front of every face that the incoming ray met at an angle b: more than
+//! 2^-45 R for every b > 2^-21.9, or 2^-16. If the ray met the triangle itself at less than h / e = 2^-17, it is lower
+//! by h R, which is enough for b > 2^-16.9, or (2^-45 + 2^-46) / 2^-29 < 2^-15.4.
+//! If the ray is shorter than 2 e R, half its length takes the place of e R.
 //!
 //! Then the origin lies inside the closed mesh that the test sees, whose edges have no gaps, and no ray leaves that
 //! mesh without a hit.
 //!
-//! The point moves by EDGE_DISTANCE R at most near an edge, and by 2 EDGE_DISTANCE R / sin(a / 2) near a corner of
-//! angle a.
+//! The point moves by e R at most near an edge, and by 2 e R / sin(a / 2) near a corner of angle a.
 //!
 //! Exceptions:
-//! - In triangles with an inradius below 2 EDGE_DISTANCE R the point keeps half the inradius from the edges, and the
+//! - In triangles with an inradius below 2 e R the point keeps half the inradius from the edges, and the
 //!   bound on the dihedral angle grows by the same factor.
-//! - Surfaces that share no corner with the triangle and lie closer than 2 ORIGIN_OFFSET R are jumped.
+//! - Surfaces that share no corner with the triangle and lie closer than 2 h R are jumped.
 //!
 //! The tier `fast` rounds the origin to f32, away from the surface, and guarantees nothing at edges.
 
@@ -48,14 +57,32 @@ use glam::DVec3;
 
 use super::{Numerics, Triangle};
 
-/// The distance of origins from the edges of their triangle, relative to the largest coordinate of its corners: 2^-23,
-/// the spacing of f32 numbers.
+/// The greatest [`edge_distance`]: 2^-23, the spacing of f32 numbers.
 pub const EDGE_DISTANCE: f64 = 1.0 / (1u32 << 23) as f64;
 
-/// The height of origins above their triangle, relative to the same: 2^-40. Above the errors (2^-49), so that f64
-/// decides on which side of its own triangle a ray starts; below [`EDGE_DISTANCE`] by the smallest guaranteed
-/// dihedral angle.
+/// The greatest [`origin_offset`]: 2^-40. Above the errors, so that f64 decides on which side of its own triangle a ray
+/// starts; below [`EDGE_DISTANCE`] by the smallest guaranteed dihedral angle.
 pub const ORIGIN_OFFSET: f64 = 1.0 / (1u64 << 40) as f64;
+
+/// The share of both in tiers with corners in f64.
+const SHARE_IN_F64: f64 = 1.0 / 64.0;
+
+/// Of both, in a tier.
+const fn share(numerics: Numerics) -> f64 {
+    if matches!(numerics, Numerics::Double | Numerics::Exact) { SHARE_IN_F64 } else { 1.0 }
+}
+
+/// The distance of origins from the edges of their triangle, relative to the largest coordinate of its corners.
+#[inline(always)]
+pub const fn edge_distance(numerics: Numerics) -> f64 {
+    EDGE_DISTANCE * share(numerics)
+}
+
+/// The height of origins above their triangle, relative to the same.
+#[inline(always)]
+pub const fn origin_offset(numerics: Numerics) -> f64 {
+    ORIGIN_OFFSET * share(numerics)
+}
 
 /// A point on a surface, from which secondary rays start, and the coordinates that its error is relative to.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,10 +98,10 @@ pub struct SurfacePoint {
 impl SurfacePoint {
     /// The point of a triangle with the given barycentrics, moved away from the edges.
     #[inline(always)]
-    pub fn on_triangle(corners: [DVec3; 3], barycentrics: [f64; 3]) -> Self {
+    pub fn on_triangle(corners: [DVec3; 3], barycentrics: [f64; 3], numerics: Numerics) -> Self {
         let point = Self::in_triangle(corners, barycentrics);
-        if EdgeTest::new(corners).is_near(barycentrics) {
-            point.moved_inwards(corners, barycentrics)
+        if EdgeTest::new(corners, numerics).is_near(barycentrics) {
+            point.moved_inwards(corners, barycentrics, numerics)
         } else {
             point
         }
@@ -87,19 +114,19 @@ impl SurfacePoint {
     }
 
     #[cold]
-    fn moved_inwards(self, corners: [DVec3; 3], barycentrics: [f64; 3]) -> Self {
-        let barycentrics =
-            interior_barycentrics(corners, barycentrics, EDGE_DISTANCE * self.reach.max_element());
+    fn moved_inwards(self, corners: [DVec3; 3], barycentrics: [f64; 3], numerics: Numerics) -> Self {
+        let distance = edge_distance(numerics) * self.reach.max_element();
+        let barycentrics = interior_barycentrics(corners, barycentrics, distance);
         SurfacePoint { start: point_at(corners, barycentrics), ..self }
     }
 
     /// The same point with origins before the hit, on the side of the unit vector `normal`, for an incoming ray of
     /// length `distance`. `view` is the unit direction towards that ray's origin. The secondary rays' origins lie on
-    /// the incoming ray unless it is lower above the surface there than [`ORIGIN_OFFSET`].
-    pub fn before_hit(self, view: DVec3, distance: f64, normal: DVec3) -> Self {
+    /// the incoming ray unless it is lower above the surface there than [`origin_offset`].
+    pub fn before_hit(self, view: DVec3, distance: f64, normal: DVec3, numerics: Numerics) -> Self {
         let reach = self.reach.max_element();
-        let shift = (EDGE_DISTANCE * reach).min(0.5 * distance);
-        let height = (shift * view.dot(normal)).min(ORIGIN_OFFSET * reach);
+        let shift = (edge_distance(numerics) * reach).min(0.5 * distance);
+        let height = (shift * view.dot(normal)).min(origin_offset(numerics) * reach);
         SurfacePoint { start: self.position + (view * shift - normal * height), ..self }
     }
 
@@ -122,7 +149,7 @@ impl SurfacePoint {
             let error = FAST_ERROR * normal.abs().dot(self.reach);
             return round_away(self.start + normal * error, normal);
         }
-        self.start + normal * (ORIGIN_OFFSET * self.reach.max_element())
+        self.start + normal * (origin_offset(numerics) * self.reach.max_element())
     }
 }
 
@@ -138,7 +165,7 @@ fn round_away(point: DVec3, normal: DVec3) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// Tests whether points of a triangle may be nearer than [`EDGE_DISTANCE`] R to an edge.
+/// Tests whether points of a triangle may be nearer than [`edge_distance`] R to an edge.
 pub struct EdgeTest {
     /// Four times the squared area.
     area_squared: f64,
@@ -149,9 +176,9 @@ pub struct EdgeTest {
 impl EdgeTest {
     /// The test of a triangle's points.
     #[inline(always)]
-    pub fn new(corners: [DVec3; 3]) -> Self {
+    pub fn new(corners: [DVec3; 3], numerics: Numerics) -> Self {
         let triangle = Triangle(corners);
-        let distance = EDGE_DISTANCE * reach_of(corners).max_element();
+        let distance = edge_distance(numerics) * reach_of(corners).max_element();
         EdgeTest {
             area_squared: triangle.normal().length_squared(),
             bound: distance * distance * triangle.longest_edge_squared(),
@@ -219,6 +246,8 @@ fn interior_barycentrics(corners: [DVec3; 3], barycentrics: [f64; 3], distance: 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::expansion::Expansion;
+    use crate::geometry::sign_of_determinant;
     use proptest::prelude::*;
 
     /// Distances of a point from the lines through the edges, positive inside.
@@ -247,7 +276,7 @@ mod tests {
     #[test]
     fn in_a_long_triangle_points_stay_where_they_are() {
         let corners = [[1000.0, 0.0, 0.0], [1001.0, 0.0, 0.0], [1000.0, 0.01, 0.0]].map(DVec3::from);
-        let point = SurfacePoint::on_triangle(corners, [0.5, 0.5, 0.0]);
+        let point = SurfacePoint::on_triangle(corners, [0.5, 0.5, 0.0], Numerics::Watertight);
         let expected = point.position + DVec3::Y * EDGE_DISTANCE * 1001.0;
         assert!(point.start.distance(expected) < 1e-12, "{} {expected}", point.start);
     }
@@ -269,21 +298,25 @@ mod tests {
             let normal = normal.normalize();
             let [v, w] = barycentrics;
             prop_assume!(v + w <= 1.0);
-            let point = SurfacePoint::on_triangle(corners, [1.0 - v - w, v, w]);
-            let r = point.reach.max_element();
-            for (k, distance) in distances(corners, point.start).into_iter().enumerate() {
-                prop_assert!(distance >= EDGE_DISTANCE * r * (1.0 - 1e-6), "edge {}: {}", k, distance / r);
-            }
-            let hit = corners[0] * (1.0 - v - w) + corners[1] * v + corners[2] * w;
-            prop_assert!(point.position == hit);
-            // 4: for the three roundings of each coordinate.
-            let moved = point.start.distance(hit) - 4.0 * f64::EPSILON * r;
-            let most = most_moved(corners, hit, 2.0 * EDGE_DISTANCE * r);
-            prop_assert!(moved <= EDGE_DISTANCE * r * most, "{}", moved / r);
-            for numerics in [Numerics::Watertight, Numerics::Double, Numerics::Exact] {
-                for side in [normal, -normal] {
-                    let height = (point.origin_towards(side, numerics) - corners[0]).dot(side);
-                    prop_assert!((height / (ORIGIN_OFFSET * r) - 1.0).abs() < 1.0 / 64.0, "{}", height / r);
+            for numerics in Numerics::STRICT {
+                let point = SurfacePoint::on_triangle(corners, [1.0 - v - w, v, w], numerics);
+                let (r, e) = (point.reach.max_element(), edge_distance(numerics));
+                for (k, distance) in distances(corners, point.start).into_iter().enumerate() {
+                    prop_assert!(distance >= e * r * (1.0 - 1e-5), "edge {}: {}", k, distance / r);
+                }
+                let hit = corners[0] * (1.0 - v - w) + corners[1] * v + corners[2] * w;
+                prop_assert!(point.position == hit);
+                // 4: for the three roundings of each coordinate.
+                let moved = point.start.distance(hit) - 4.0 * f64::EPSILON * r;
+                let most = most_moved(corners, hit, 2.0 * e * r);
+                prop_assert!(moved <= e * r * most, "{}", moved / r);
+                // Exactly in front: the sign of ((b - a) x (c - a)) . (a - origin).
+                for (side, behind) in [(normal, -1), (-normal, 1)] {
+                    let origin = point.origin_towards(side, numerics);
+                    let row = |p: DVec3, q: DVec3| [0, 1, 2].map(|k| Expansion::difference(p[k], q[k]));
+                    let [a, b, c] = corners;
+                    let sign = sign_of_determinant(&[row(a, origin), row(b, a), row(c, a)]);
+                    prop_assert_eq!(sign, behind, "{}", (origin - a).dot(side) / r);
                 }
             }
         }
@@ -293,10 +326,10 @@ mod tests {
     fn a_triangle_without_area_has_finite_points() {
         let line = [DVec3::ZERO, DVec3::X, DVec3::X * 3.0];
         for barycentrics in [[1.0, 0.0, 0.0], [0.0, 0.5, 0.5]] {
-            let point = SurfacePoint::on_triangle(line, barycentrics).start;
+            let point = SurfacePoint::on_triangle(line, barycentrics, Numerics::Exact).start;
             assert!(point.is_finite() && (0.0..=3.0).contains(&point.x), "{point}");
         }
-        let point = SurfacePoint::on_triangle([DVec3::ONE; 3], [1.0, 0.0, 0.0]).start;
+        let point = SurfacePoint::on_triangle([DVec3::ONE; 3], [1.0, 0.0, 0.0], Numerics::Exact).start;
         assert!((point - DVec3::ONE).abs().max_element() <= 2.0 * f64::EPSILON, "{point}");
     }
 }

@@ -79,11 +79,12 @@ impl Tetrahedron {
         barycentrics.rotate_right(first);
         let corners = self.mesh.corners(triangle).map(|corner| corner.as_dvec3());
         let inwards = -self.mesh.normal(triangle).normalize();
-        let mut point = SurfacePoint::on_triangle(corners, barycentrics);
+        let tier = origins.unwrap_or(Numerics::Fast);
+        let mut point = SurfacePoint::on_triangle(corners, barycentrics, tier);
         if origins.is_none() {
             point.start = point.position;
         }
-        let origin = point.origin_towards(inwards, origins.unwrap_or(Numerics::Fast));
+        let origin = point.origin_towards(inwards, tier);
         let along = inwards.cross(numbers.direction()).normalize_or(inwards.any_orthonormal_vector());
         let rise = 10f64.powi(-(numbers.below(9) as i32));
         (origin, (along + rise * inwards).normalize())

@@ -110,7 +110,8 @@ impl Point {
         let (surface, normal) = match accelerator.primitive(hit.slot) {
             Primitive::Triangle(triangle) => {
                 let [v, w] = hit.barycentrics;
-                let surface = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
+                let surface =
+                    SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w], Numerics::Watertight);
                 (surface, triangle.normal().try_normalize().unwrap_or(-ray.direction()))
             }
             Primitive::Analytic(shape) => shape.surface(ray.at(hit.t)),
