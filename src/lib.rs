@@ -11,12 +11,37 @@
 //! Conventions: right-handed, +y up, no physical unit; column vectors, transforms named `b_from_a`; row 0 of a picture
 //! is its top row; directions have length 1, so t is a distance.
 //!
+//! # A picture in memory
+//! By a camera of an intrinsic matrix and a pose:
+//!
+//! ```
+//! use kiln::job::{CameraChoice, RenderControl, RenderSettings, prepare};
+//! use kiln::scene::PictureSettings;
+//!
+//! let (mut warnings, control) = (kiln::error::Warnings::default(), RenderControl::default());
+//! let scene = kiln::import::load(&["scenes/assignment.toml".into()], &mut warnings)?;
+//! let camera = "{ K = [[64, 0, 32], [0, 64, 24], [0, 0, 1]], axes = 'opencv',
+//!     pose = [[-1, 0, 0, 0], [0, -1, 0, -200], [0, 0, 1, 500], [0, 0, 0, 1]] }";
+//! let camera = CameraChoice::Given(kiln::import::inline_camera(camera, Some([64, 48]))?);
+//! let settings = RenderSettings { camera, ..PictureSettings::of_size([64, 48]).into() };
+//!
+//! let job = prepare(scene, &settings, &mut warnings)?;
+//! let (film, _) = job.render::<[f32; 3]>(&control)?;
+//! let channels = job.aovs(&["depth", "primitive", "geometric-normal"], &control)?;
+//! let [r, g, b] = film.pixel(32, 24);
+//! let of_pixel = channels.iter().map(|channel| (channel.name.as_str(), channel.values[24 * 64 + 32]));
+//! println!("{r} {g} {b}: {:?}", of_pixel.collect::<Vec<_>>());
+//! # assert_eq!((channels.len(), channels[0].values.len()), (5, 64 * 48));
+//! # Ok::<(), kiln::error::Error>(())
+//! ```
+//!
+//! Many pictures of one scene: [`job::Session`].
+//!
 //! # As a library
 //! Rays against triangles, spheres and disks of your own, by the code that pictures are made with, and without scenes,
 //! files or shading ([`bvh::Bvh`]):
 //!
 //! ```
-//! use kiln::bvh::detail::RayBuffer;
 //! use kiln::bvh::{Bvh, Primitive, Traversal};
 //!
 //! let ball = Primitive::from(([0.0, 0.0, 5.0], 1.0));
@@ -26,8 +51,7 @@
 //! let mut traversal = Traversal::default(); // one a thread; its memory is used again
 //! assert_eq!(bvh.closest_hit(&ray, &mut traversal).map(|hit| (hit.prim.0, hit.t)), Some((0, 4.0)));
 //! assert!(bvh.occluded(&ray, &mut traversal));
-//! let rays = RayBuffer::from_iter([ray; 64]);
-//! assert_eq!(bvh.closest_hits(rays.rays(), &mut traversal).len(), 64);
+//! assert_eq!(bvh.par_closest_hits(&vec![ray; 64]).len(), 64); // on all threads
 //! bvh.update([Primitive::from(([0.0, 3.0, 5.0], 1.0)), floor])?;
 //! assert!(!bvh.occluded(&ray, &mut traversal));
 //! # Ok::<(), kiln::bvh::NotFinite>(())

@@ -57,7 +57,7 @@ use crate::error::{Result, Warnings};
 use crate::farm::Shard;
 use crate::film::write::{ALPHA, Channel, OutputImage};
 use crate::film::{ColourPipeline, DisplaySettings, Film, Pixel, Window};
-use crate::render::aov::AovSource;
+use crate::render::aov::{self, AovSource};
 use crate::render::render_displayed;
 use crate::scene::{BitDepth, Camera, Sampling, Scene};
 use crate::world::{Recentering, View, World};
@@ -313,6 +313,15 @@ impl RenderJob {
         };
         let context = RenderContext { world: &self.world, view: &self.view, display, is_displayed };
         render_displayed(&context, &self.plan, self.window, is_selected, control)
+    }
+
+    /// The channels of AOVs of these names ([`aov::AOVS`]), row by row from the top.
+    ///
+    /// # Errors
+    /// As [`aov::AovSelection::new`] and [`aov::channels`].
+    pub fn aovs(&self, names: &[&str], control: &RenderControl) -> Result<Vec<Channel>> {
+        let names: Vec<String> = names.iter().copied().map(str::to_owned).collect();
+        aov::channels(&self.aov_source(None), &aov::AovSelection::new(&names)?, control)
     }
 
     /// Source of the AOVs of the picture.

@@ -12,10 +12,10 @@ use super::differential::Differential;
 use super::lens::ThinLens;
 use super::simd;
 use super::soa::RAYS_PER_BATCH;
+use crate::bvh::Ray;
+use crate::bvh::detail::{Precision, RayBuffer};
 use crate::error::{Error, Result};
 use crate::film::{TILE, Window};
-use crate::bvh::detail::{Precision, RayBuffer};
-use crate::bvh::Ray;
 use crate::scene::{Camera, Projection};
 
 /// The sine of the angle between up and the view direction below which another up is used. The basis loses as many decimal digits
@@ -160,9 +160,15 @@ impl View {
         j / self.size.y * self.rectangle.y - self.rectangle.y / 2.0 + self.shift.y
     }
 
-    /// Computes the rays through the pixel centres of `window`, at most a tile, row by row from the top.
+    /// Computes the rays through the pixel centres of `window`, row by row from the top.
     pub fn rays(&self, window: Window, precision: Precision, rays: &mut RayBuffer) {
         let Window { x, y, width, height } = window;
+        if width.max(height) > TILE {
+            rays.clear();
+            let rows = y..y + height;
+            rays.extend(rows.flat_map(|y| (x..x + width).map(move |x| self.ray(x, y, precision))));
+            return;
+        }
         let (mut across, mut up) = ([0.0; RAYS_PER_BATCH], [0.0; RAYS_PER_BATCH]);
         let columns: [f64; TILE as usize] = std::array::from_fn(|i| self.across(centre(x + i as u32)));
         for row in 0..height as usize {
