@@ -18,6 +18,7 @@ mod coarse_rounding;
 mod crossings;
 mod generalised;
 mod instances;
+mod layered;
 mod lists;
 mod nearby;
 mod placed_meshes;
@@ -47,6 +48,7 @@ use glam::DVec3;
 
 use brute_force::BruteForce;
 use instances::{Instances, MeshBvh};
+use layered::Layered;
 use shapes::Shapes;
 use stored_slot::{MeshSlots, Slots, StoredSlot};
 
@@ -203,11 +205,20 @@ fn over_instances(
     numerics: Numerics,
     built: &mut Vec<Arc<MeshBvh>>,
 ) -> Box<dyn Accelerator> {
+    fn of<T: Tier>(
+        flat: Box<dyn Accelerator>,
+        instances: Vec<Instance>,
+        tree: (Preset, InstructionSet),
+        built: &mut Vec<Arc<MeshBvh>>,
+    ) -> Box<dyn Accelerator> {
+        let layer = Instances::<T>::new(instances, tree, built);
+        Box::new(Layered { flat: flat.into(), layer })
+    }
     match numerics {
-        Numerics::Fast => Box::new(Instances::<Fast>::new(flat, instances, tree, built)),
-        Numerics::Watertight => Box::new(Instances::<Watertight>::new(flat, instances, tree, built)),
-        Numerics::Double => Box::new(Instances::<Double>::new(flat, instances, tree, built)),
-        Numerics::Exact => Box::new(Instances::<Exact>::new(flat, instances, tree, built)),
+        Numerics::Fast => of::<Fast>(flat, instances, tree, built),
+        Numerics::Watertight => of::<Watertight>(flat, instances, tree, built),
+        Numerics::Double => of::<Double>(flat, instances, tree, built),
+        Numerics::Exact => of::<Exact>(flat, instances, tree, built),
     }
 }
 

@@ -17,12 +17,13 @@ use glam::DVec3;
 
 use super::Preset;
 use super::build::build_over;
+use super::layered::Layer;
 use super::wide::{BoxRay, Child, Tree, descend, descend_near};
-use super::{Accelerator, Description, Nearby, Next, Primitive, Slot, Traversal};
+use super::{Accelerator, Description, Next, Primitive, Slot, Traversal};
 use crate::geometry::simd::{InstructionSet, Portable, Simd};
 use crate::geometry::{
-    Bounds, Corner, Hit, HitBuffer, LineTest, Mesh, Numerics, Placed, PreparedRay, PrimId, Ray, Rays, SlotId,
-    Stored, Tier, Triangle, TriangleHit,
+    Bounds, Corner, Hit, Mesh, Numerics, Placed, PreparedRay, PrimId, Ray, SlotId, Stored, Tier, Triangle,
+    TriangleHit,
 };
 pub(crate) use mesh_bvh::MeshBvh;
 pub use transform::MeshSpace;
@@ -92,10 +93,8 @@ impl PreparedInstance {
     }
 }
 
-/// A structure over single primitives, and a two-level tree over instances.
+/// A two-level tree over instances, beside the structure over single primitives.
 pub(crate) struct Instances<T: Tier> {
-    /// The structure over primitives that are not instanced.
-    flat: Box<dyn Accelerator>,
     instances: Vec<PreparedInstance>,
     meshes: Vec<Arc<MeshBvh>>,
     /// The top level. Each leaf is one instance, an index into `order`.
@@ -111,7 +110,6 @@ impl<T: Tier> Instances<T> {
     /// Builds the two-level tree. Every instance must satisfy [`can_be_instance`]. Meshes of `built` keep their trees;
     /// after it, `built` has those of all instances.
     pub(crate) fn new(
-        flat: Box<dyn Accelerator>,
         instances: Vec<Instance>,
         (preset, instructions): (Preset, InstructionSet),
         built: &mut Vec<Arc<MeshBvh>>,
@@ -142,15 +140,7 @@ impl<T: Tier> Instances<T> {
         let boxes: Vec<Bounds> =
             prepared.iter().map(|i| meshes[i.mesh as usize].in_world(&i.transform)).collect();
         let (top, order) = build_over(&boxes, preset, 1);
-        Instances {
-            flat,
-            instances: prepared,
-            meshes,
-            top,
-            order,
-            instructions,
-            tier: std::marker::PhantomData,
-        }
+        Instances { instances: prepared, meshes, top, order, instructions, tier: std::marker::PhantomData }
     }
 
     /// The instance of a leaf of the top level, and the tree over its mesh.
@@ -163,7 +153,7 @@ impl<T: Tier> Instances<T> {
     /// Calls `found` with the hits on instances before `t_max` until it returns [`Next::Stop`], nearest boxes first if
     /// `NEAREST`.
     #[inline(always)]
-    fn each_hit<const NEAREST: bool>(
+    fn each_triangle_hit<const NEAREST: bool>(
         &self,
         ray: &Ray,
         t_max: f64,
@@ -258,20 +248,23 @@ impl<T: Tier> Instances<T> {
             },
         );
     }
+}
 
-    /// The closest hit that `accepts` returns `true` for, given that of `flat`.
-    #[inline(always)]
+impl<T: Tier> Layer for Instances<T> {
+    const IS_BESIDE_TREE: bool = false;
+
     fn closest(
         &self,
+        flat: &dyn Accelerator,
         ray: &Ray,
-        flat: Option<Hit>,
-        mut accepts: impl FnMut(&Hit) -> bool,
+        best: Option<Hit>,
+        accepts: &mut dyn FnMut(&Hit) -> bool,
         traversal: &mut Traversal,
     ) -> Option<Hit> {
+        let t_max = best.map_or(ray.t_max, |hit| hit.t);
         let mut best: Option<(Hit, Stored<T::Corner>)> =
-            flat.map(|hit| (hit, self.flat.primitive(hit.slot).into()));
-        let t_max = best.map_or(ray.t_max, |(hit, _)| hit.t);
-        self.each_hit::<true>(ray, t_max, traversal, |hit, corners| {
+            best.map(|hit| (hit, flat.primitive(hit.slot).into()));
+        self.each_triangle_hit::<true>(ray, t_max, traversal, |hit, corners| {
             let stored = Stored::Triangle(corners);
             let is_better = best
                 .as_ref()
@@ -285,19 +278,11 @@ impl<T: Tier> Instances<T> {
         best.map(|(hit, _)| hit)
     }
 
-    fn is_any_hit(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
-        let mut any = false;
-        self.each_hit::<false>(ray, ray.t_max, traversal, |_, _| {
-            any = true;
-            Next::Stop
-        });
-        any
+    fn each_hit(&self, ray: &Ray, found: &mut dyn FnMut(Hit) -> Next, traversal: &mut Traversal) {
+        self.each_triangle_hit::<false>(ray, ray.t_max, traversal, |hit, _| found(hit));
     }
-}
 
-impl<T: Tier> Nearby for Instances<T> {
-    fn every_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
-        self.flat.each_primitive(visit);
+    fn each_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
         for instance in &self.instances {
             for triangle in 0..instance.instance.placed.triangle_count() as u32 {
                 visit(instance.instance.prim(triangle), instance.primitive::<T>(triangle));
@@ -305,14 +290,8 @@ impl<T: Tier> Nearby for Instances<T> {
         }
     }
 
-    fn each_near_ray(
-        &self,
-        ray: &LineTest,
-        visit: &mut dyn FnMut(PrimId, Primitive),
-        traversal: &mut Traversal,
-    ) {
-        self.flat.each_near_ray(ray, visit, traversal);
-        self.each_near::<false>(&ray.ray, ray.ray.t_max, traversal, |instance, &(triangle, _)| {
+    fn each_near_ray(&self, ray: &Ray, visit: &mut dyn FnMut(PrimId, Primitive), traversal: &mut Traversal) {
+        self.each_near::<false>(ray, ray.t_max, traversal, |instance, &(triangle, _)| {
             visit(instance.instance.prim(triangle), instance.primitive::<T>(triangle));
             Next::Continue
         });
@@ -321,17 +300,10 @@ impl<T: Tier> Nearby for Instances<T> {
     fn each_near_box(
         &self,
         corners: [DVec3; 2],
-        limit: f64,
+        limit: &Cell<f64>,
         visit: &mut dyn FnMut(PrimId, Primitive) -> f64,
-        traversal: &mut Traversal,
+        Traversal { children, mesh_children, tests, .. }: &mut Traversal,
     ) {
-        let limit = Cell::new(limit);
-        let mut visit = |prim, primitive| {
-            limit.set(visit(prim, primitive));
-            limit.get()
-        };
-        self.flat.each_near_box(corners, limit.get(), &mut visit, traversal);
-        let Traversal { children, mesh_children, tests, .. } = traversal;
         descend_near(&self.top.nodes, corners, limit.get(), children, tests, |leaf, tests| {
             let (instance, MeshBvh { tree, triangles, .. }) = self.at(leaf);
             let (local, scale) = instance.transform.local_box(corners);
@@ -347,70 +319,13 @@ impl<T: Tier> Nearby for Instances<T> {
         });
     }
 
-    fn closest_hit_by(
-        &self,
-        ray: &Ray,
-        accepts: &mut dyn FnMut(&Hit) -> bool,
-        traversal: &mut Traversal,
-    ) -> Option<Hit> {
-        let flat = self.flat.closest_hit_by(ray, accepts, traversal);
-        self.closest(ray, flat, accepts, traversal)
-    }
-
-    fn slots_end(&self) -> u32 {
-        self.instances.first().map_or(u32::MAX, |instance| instance.slot)
-    }
-}
-
-impl<T: Tier> Accelerator for Instances<T> {
-    fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
-        let flat = self.flat.closest_hit(ray, traversal);
-        self.closest(ray, flat, |_| true, traversal)
-    }
-
-    fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
-        self.flat.is_occluded(ray, traversal) || self.is_any_hit(ray, traversal)
-    }
-
-    fn closest_hits(&self, rays: Rays, hits: &mut HitBuffer, traversal: &mut Traversal) {
-        let first = hits.len();
-        self.flat.closest_hits(rays, hits, traversal);
-        for (index, ray) in (first..).zip(rays.iter()) {
-            let hit = self.closest(&ray, hits.get(index), |_| true, traversal);
-            hits.set(index, hit.as_ref());
-        }
-    }
-
-    fn are_occluded(&self, rays: Rays, occluded: &mut Vec<bool>, traversal: &mut Traversal) {
-        let first = occluded.len();
-        self.flat.are_occluded(rays, occluded, traversal);
-        for (ray, occluded) in rays.iter().zip(&mut occluded[first..]) {
-            *occluded = *occluded || self.is_any_hit(&ray, traversal);
-        }
-    }
-
-    fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal) {
-        self.flat.all_hits(ray, hits, traversal);
-        self.each_hit::<false>(ray, ray.t_max, traversal, |hit, _| {
-            hits.push(hit);
-            Next::Continue
-        });
-    }
-
-    fn primitive(&self, slot: SlotId) -> Primitive {
+    fn primitive(&self, slot: SlotId) -> Option<Primitive> {
         let after = self.instances.partition_point(|instance| instance.slot <= slot.index());
-        match after.checked_sub(1).map(|index| &self.instances[index]) {
-            None => self.flat.primitive(slot),
-            Some(instance) => instance.primitive::<T>(slot.index() - instance.slot),
-        }
+        let instance = &self.instances[after.checked_sub(1)?];
+        Some(instance.primitive::<T>(slot.index() - instance.slot))
     }
 
-    fn numerics(&self) -> Numerics {
-        T::NUMERICS
-    }
-
-    fn describe(&self) -> Description {
-        let flat = self.flat.describe();
+    fn describe(&self, flat: Description) -> Description {
         let lists = |prepared: &PreparedInstance| prepared.instance.placed.placement.bytes();
         let own = size_of_val(self.instances.as_slice())
             + self.instances.iter().map(lists).sum::<usize>()
@@ -427,5 +342,9 @@ impl<T: Tier> Accelerator for Instances<T> {
             slots: flat.slots + slots,
             bytes: flat.bytes + bytes,
         }
+    }
+
+    fn slots_end(&self) -> u32 {
+        self.instances.first().map_or(u32::MAX, |instance| instance.slot)
     }
 }

@@ -12,15 +12,15 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::build::build_over;
+use super::layered::{Layer, Layered};
 use super::wide::{BoxRay, Tree, descend, descend_near};
 use super::{
-    Accelerator, Bvh, ClosestPoint, Description, Nearby, Next, NotFinite, Preset, Primitive, Quality,
-    SignedHit, Traversal,
+    Accelerator, Bvh, ClosestPoint, Description, Next, NotFinite, Preset, Primitive, SignedHit, Traversal,
 };
 use crate::geometry::simd::{InstructionSet, Portable, Simd};
 use crate::geometry::{
-    Bounds, Hit, HitBuffer, LineTest, NO_PRIMITIVE, Numerics, PrimId, Ray, Rays, Side, SlotId, Triangle,
-    UserGeometry, clamp_to_bounds, is_before_exactly,
+    Bounds, Hit, NO_PRIMITIVE, Numerics, PrimId, Ray, Side, SlotId, Triangle, UserGeometry, clamp_to_bounds,
+    is_before_exactly,
 };
 
 /// A shape and its bounds.
@@ -133,7 +133,7 @@ impl Shapes {
 
     /// Calls `found` with the first hit of the ray on each shape that it meets before `t_max`, until it returns
     /// [`Next::Stop`]; nearest boxes first if `NEAREST`.
-    fn each_hit<const NEAREST: bool>(
+    fn each_first_hit<const NEAREST: bool>(
         &self,
         ray: &Ray,
         t_max: f64,
@@ -253,30 +253,25 @@ impl Shapes {
     }
 }
 
-/// A structure and shapes beside it.
-struct WithShapes {
-    /// The structure over all other primitives.
-    flat: Arc<dyn Accelerator>,
-    shapes: Shapes,
-}
+impl Layer for Shapes {
+    const IS_BESIDE_TREE: bool = true;
 
-impl WithShapes {
-    /// The closest hit, given that of `flat`.
     fn closest(
         &self,
+        flat: &dyn Accelerator,
         ray: &Ray,
-        flat: Option<Hit>,
+        best: Option<Hit>,
         accepts: &mut dyn FnMut(&Hit) -> bool,
         traversal: &mut Traversal,
     ) -> Option<Hit> {
-        let mut best = flat;
-        let is_exact = self.numerics() == Numerics::Exact;
-        let is_better = |hit: &Hit, best: &Hit| match self.shapes.in_slot(best.slot) {
-            None if is_exact => is_before_exactly(ray, hit.t, best.t, self.flat.primitive(best.slot).into()),
+        let is_exact = flat.numerics() == Numerics::Exact;
+        let is_better = |hit: &Hit, best: &Hit| match self.in_slot(best.slot) {
+            None if is_exact => is_before_exactly(ray, hit.t, best.t, flat.primitive(best.slot).into()),
             _ => hit.is_before(best),
         };
-        let t_max = flat.map_or(ray.t_max, |hit| hit.t);
-        self.shapes.each_hit::<true>(ray, t_max, traversal, |hit| {
+        let t_max = best.map_or(ray.t_max, |hit| hit.t);
+        let mut best = best;
+        self.each_first_hit::<true>(ray, t_max, traversal, |hit| {
             if !best.as_ref().is_none_or(|best| is_better(&hit, best)) || !accepts(&hit) {
                 return Next::Continue;
             }
@@ -286,154 +281,17 @@ impl WithShapes {
         best
     }
 
-    fn is_any_hit(
-        &self,
-        ray: &Ray,
-        accepts: &mut dyn FnMut(PrimId) -> bool,
-        traversal: &mut Traversal,
-    ) -> bool {
-        let mut any = false;
-        self.shapes.each_hit::<false>(ray, ray.t_max, traversal, |hit| {
-            any = accepts(hit.prim);
-            if any { Next::Stop } else { Next::Continue }
-        });
-        any
-    }
-}
-
-impl Nearby for WithShapes {
-    fn every_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
-        self.flat.each_primitive(visit);
-    }
-
-    fn each_near_ray(
-        &self,
-        ray: &LineTest,
-        visit: &mut dyn FnMut(PrimId, Primitive),
-        traversal: &mut Traversal,
-    ) {
-        self.flat.each_near_ray(ray, visit, traversal);
-    }
-
-    fn each_near_rays(
-        &self,
-        rays: Rays,
-        visit: &mut dyn FnMut(usize, &LineTest, PrimId, Primitive),
-        traversal: &mut Traversal,
-    ) {
-        self.flat.each_near_rays(rays, visit, traversal);
-    }
-
-    fn each_near_box(
-        &self,
-        corners: [DVec3; 2],
-        limit: f64,
-        visit: &mut dyn FnMut(PrimId, Primitive) -> f64,
-        traversal: &mut Traversal,
-    ) {
-        self.flat.each_near_box(corners, limit, visit, traversal);
-    }
-
-    fn closest_hit_by(
-        &self,
-        ray: &Ray,
-        accepts: &mut dyn FnMut(&Hit) -> bool,
-        traversal: &mut Traversal,
-    ) -> Option<Hit> {
-        let flat = self.flat.closest_hit_by(ray, accepts, traversal);
-        self.closest(ray, flat, accepts, traversal)
-    }
-
-    fn parts(&self) -> Option<(&Arc<dyn Accelerator>, &Shapes)> {
-        Some((&self.flat, &self.shapes))
-    }
-
-    fn slots_end(&self) -> u32 {
-        self.flat.slots_end()
-    }
-}
-
-impl Accelerator for WithShapes {
-    fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
-        let flat = self.flat.closest_hit(ray, traversal);
-        self.closest(ray, flat, &mut |_| true, traversal)
-    }
-
-    fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
-        self.flat.is_occluded(ray, traversal) || self.is_any_hit(ray, &mut |_| true, traversal)
-    }
-
-    fn is_occluded_by(
-        &self,
-        ray: &Ray,
-        accepts: &mut dyn FnMut(PrimId) -> bool,
-        traversal: &mut Traversal,
-    ) -> bool {
-        self.flat.is_occluded_by(ray, accepts, traversal) || self.is_any_hit(ray, accepts, traversal)
-    }
-
-    fn closest_hits(&self, rays: Rays, hits: &mut HitBuffer, traversal: &mut Traversal) {
-        let first = hits.len();
-        self.flat.closest_hits(rays, hits, traversal);
-        for (index, ray) in (first..).zip(rays.iter()) {
-            let hit = self.closest(&ray, hits.get(index), &mut |_| true, traversal);
-            hits.set(index, hit.as_ref());
-        }
-    }
-
-    fn are_occluded(&self, rays: Rays, occluded: &mut Vec<bool>, traversal: &mut Traversal) {
-        let first = occluded.len();
-        self.flat.are_occluded(rays, occluded, traversal);
-        for (ray, occluded) in rays.iter().zip(&mut occluded[first..]) {
-            *occluded = *occluded || self.is_any_hit(&ray, &mut |_| true, traversal);
-        }
-    }
-
-    fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal) {
-        self.flat.all_hits(ray, hits, traversal);
-        self.shapes.each_hit::<false>(ray, ray.t_max, traversal, |hit| {
-            hits.push(hit);
-            Next::Continue
-        });
-    }
-
-    fn each_hit(&self, rays: Rays, hits: &mut Vec<(usize, Hit)>, traversal: &mut Traversal) {
-        self.flat.each_hit(rays, hits, traversal);
-        for (index, ray) in rays.iter().enumerate() {
-            self.shapes.each_hit::<false>(&ray, ray.t_max, traversal, |hit| {
-                hits.push((index, hit));
-                Next::Continue
-            });
-        }
-    }
-
-    fn has_streams(&self) -> bool {
-        self.flat.has_streams()
+    fn each_hit(&self, ray: &Ray, found: &mut dyn FnMut(Hit) -> Next, traversal: &mut Traversal) {
+        self.each_first_hit::<false>(ray, ray.t_max, traversal, found);
     }
 
     /// A triangle of NaN for a shape: it is none of [`Primitive`].
-    fn primitive(&self, slot: SlotId) -> Primitive {
-        if self.shapes.in_slot(slot).is_some() {
-            return Primitive::Triangle(Triangle([DVec3::NAN; 3]));
-        }
-        self.flat.primitive(slot)
+    fn primitive(&self, slot: SlotId) -> Option<Primitive> {
+        self.in_slot(slot).map(|_| Primitive::Triangle(Triangle([DVec3::NAN; 3])))
     }
 
-    fn numerics(&self) -> Numerics {
-        self.flat.numerics()
-    }
-
-    fn refit(&mut self, primitive: &(dyn Fn(PrimId) -> Primitive + Sync)) -> Option<f64> {
-        Arc::get_mut(&mut self.flat)?.refit(primitive)
-    }
-
-    fn quality(&self) -> Option<Quality> {
-        self.flat.quality()
-    }
-
-    fn describe(&self) -> Description {
-        let flat = self.flat.describe();
-        let Shapes { shapes, tree, order, .. } = &self.shapes;
+    fn describe(&self, flat: Description) -> Description {
+        let Shapes { shapes, tree, order, .. } = self;
         let bytes =
             size_of_val(shapes.as_slice()) + size_of_val(&*tree.nodes) + size_of_val(order.as_slice());
         Description {
@@ -442,6 +300,10 @@ impl Accelerator for WithShapes {
             bytes: flat.bytes + bytes,
             ..flat
         }
+    }
+
+    fn as_shapes(&self) -> Option<&Shapes> {
+        Some(self)
     }
 }
 
@@ -466,7 +328,7 @@ impl Bvh {
         let shapes = Shapes::new(shapes, self.layout.preset().unwrap_or_default(), ends)?;
         let flat = self.accelerator.parts().map_or(&self.accelerator, |parts| parts.0).clone();
         self.accelerator =
-            if shapes.shapes.is_empty() { flat } else { Arc::new(WithShapes { flat, shapes }) };
+            if shapes.shapes.is_empty() { flat } else { Arc::new(Layered { flat, layer: shapes }) };
         self.forget_surface();
         Ok(())
     }
