@@ -272,13 +272,22 @@ fn every_preset_answers_as_brute_force() {
     }
 }
 
-/// Coordinates up to the largest that f32 boxes hold, as far as the products of f64 reach.
+/// Coordinates up to the largest that f32 boxes hold, as far as the products of f64 reach: with the giant triangle of
+/// 1e4, and without it.
 #[test]
 fn huge_coordinates_answer_as_brute_force() {
-    for scale in [1e25, 2e34] {
-        let slots = mixed(scale, DVec3::ZERO);
-        for numerics in [Numerics::Watertight, Numerics::Double, Numerics::Exact] {
-            let rays = rays(&slots, scale, DVec3::ZERO, numerics);
+    // The last scales are on either side of the largest coordinates of packets, 2^126, and up to 3e38.
+    for (scale, is_giant) in [(1e25, true), (2e34, true), (5e36, false), (1e37, false), (3e37, false)] {
+        let mut slots = mixed(scale, DVec3::ZERO);
+        let reaches = |slot: &Slot| {
+            let bounds = slot.primitive.bounds();
+            bounds.min.abs().max(bounds.max.abs()).max_element()
+        };
+        slots.retain(|slot| is_giant || f64::from(reaches(slot)) < 100.0 * scale);
+        assert!(is_giant || slots.iter().any(|slot| f64::from(reaches(slot)) > 8.0 * scale));
+        for numerics in Numerics::STRICT {
+            let mut rays = rays(&slots, scale, DVec3::ZERO, numerics);
+            rays.retain(|ray| ray.origin().as_vec3().is_finite() && !ray.t_max().is_nan());
             assert_equal_to_brute_force(&slots, &rays, &format!("scale {scale}"), numerics);
         }
     }
