@@ -7,6 +7,7 @@ use kiln::effects::{EFFECTS, RayKind};
 
 /// The modules, from the bottom up.
 const MODULES: &[&str] = &[
+    "threads",
     "geometry",
     "bvh",
     "detail",

@@ -103,6 +103,7 @@
 mod bvh;
 pub mod detail;
 mod geometry;
+mod threads;
 
 pub use bvh::{
     Bvh, CONTAINS_DIRECTION, Closedness, ClosestPoint, CoarseRounding, Containment, InsideRule, InvalidMesh,

@@ -3,8 +3,8 @@
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
+use crate::threads::*;
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::generalised::Expansions;
 use super::placed_meshes::InstanceTable;

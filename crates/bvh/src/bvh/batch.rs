@@ -5,8 +5,8 @@
 //! instead; sorting rays for them takes longer than it saves (docs/decisions.md). In every tier but `fast`, results are
 //! those of the queries one by one.
 
+use crate::threads::*;
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::crossings::{CONTAINS_DIRECTION, in_order, winding_ray};
 use super::lists::{ListGroup, Lists};
@@ -20,7 +20,7 @@ pub(super) const GROUP: usize = 1 << 12;
 /// The points of a task for queries that sort them: a share for each thread, but at most 2^14. The more are sorted
 /// together, the closer are neighbours (docs/decisions.md).
 fn points_of_task(count: usize) -> usize {
-    count.div_ceil(rayon::current_num_threads()).clamp(1, 1 << 14)
+    count.div_ceil(current_num_threads()).clamp(1, 1 << 14)
 }
 
 /// Bits of each coordinate on the Morton curve.
@@ -122,6 +122,7 @@ impl Bvh {
     ///
     /// # Panics
     /// If there are more.
+    #[cfg_attr(not(feature = "rayon"), allow(private_bounds))]
     pub fn par_each_closest_hit<P: Send>(
         &self,
         rays: &impl RayList,

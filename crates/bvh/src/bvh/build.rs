@@ -2,13 +2,13 @@
 //!
 //! The steps are those of obvhs's `build_bvh2`, without its validation in debug builds, which rejects deep trees.
 
+use crate::threads::*;
 use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, SortPrecision};
-use rayon::prelude::*;
 
 use super::preset::{Ploc, SearchDistance, TopDown};
 use super::splitmix64::{GOLDEN, splitmix64};

@@ -2,8 +2,8 @@
 
 use std::mem::take;
 
+use crate::threads::*;
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::{Bvh, Primitive, Shapes, Traversal, WindingNumber};
 use crate::geometry::{

@@ -2,7 +2,7 @@
 
 use std::ops::Index;
 
-use rayon::prelude::*;
+use crate::threads::*;
 
 use super::batch::GROUP;
 
@@ -84,6 +84,7 @@ impl<T: Sync> Lists<T> {
     ///
     /// # Panics
     /// If there are more.
+    #[cfg_attr(not(feature = "rayon"), allow(private_bounds))]
     pub fn par_each<P: Send>(
         &self,
         places: impl IndexedParallelIterator<Item = P>,

@@ -1,7 +1,7 @@
 //! [`Bvh`]: the primitives near a point or in a box, and the pairs of triangles of two structures that meet.
 
+use crate::threads::*;
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::{Bvh, ClosestPoint, Primitive, Traversal};
 use crate::geometry::{Point, Precision, PrimId, Triangle, triangle_meets_box, triangles_meet};

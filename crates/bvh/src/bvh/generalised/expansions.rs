@@ -2,8 +2,8 @@
 
 use std::f64::consts::PI;
 
+use crate::threads::*;
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::bvh::{Bvh, Primitive};
 use crate::geometry::{AnalyticShape, Triangle};

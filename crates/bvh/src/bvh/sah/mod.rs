@@ -12,11 +12,11 @@ mod clip;
 #[cfg(test)]
 mod tests;
 
+use crate::threads::*;
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
-use rayon::prelude::*;
 
 use self::bins::{Areas, Bins, Grid, Split, leaves};
 use super::build::MIN_PARALLEL;
@@ -115,7 +115,7 @@ impl Side {
             bounds: a.bounds.union(&b.bounds),
             centres: a.centres.union(&b.centres),
         };
-        references.par_chunks(CHUNK).map(side).reduce(|| Side::EMPTY, both)
+        references.par_chunks(CHUNK).map(side).reduce_with(both).unwrap_or(Side::EMPTY)
     }
 
     #[inline(always)]
@@ -201,8 +201,7 @@ impl Builder<'_> {
         let nodes = if count < MIN_PARALLEL {
             [self.build(first, bins), self.build(second, bins)]
         } else {
-            let (a, b) =
-                rayon::join(|| self.build(first, bins), || self.build(second, &mut Bins::EMPTY.clone()));
+            let (a, b) = join(|| self.build(first, bins), || self.build(second, &mut Bins::EMPTY.clone()));
             [a, b]
         };
         pair.copy_from_slice(&nodes);
@@ -406,5 +405,5 @@ fn binned(
         a.add(&b);
         a
     };
-    *bins = references.par_chunks(CHUNK).map(of_chunk).reduce(|| Bins::EMPTY.clone(), both);
+    *bins = references.par_chunks(CHUNK).map(of_chunk).reduce_with(both).unwrap_or(Bins::EMPTY.clone());
 }

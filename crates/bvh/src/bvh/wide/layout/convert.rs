@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
+use crate::threads::*;
 use obvhs::bvh2::Bvh2;
-use rayon::prelude::*;
 
 use super::collapse::Collapse;
 use super::node::{Child, Node};

@@ -3,8 +3,8 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::threads::*;
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::{Content, Node, TriangleLeaf, WIDTH, Wide};
 use crate::bvh::Primitive;
