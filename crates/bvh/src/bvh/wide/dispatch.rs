@@ -134,6 +134,11 @@ impl<T: Tier> Wide<T> {
         best
     }
 
+    /// Calls `found` with every hit, until it returns [`Next::Stop`]. A traversal for each caller would gain nothing.
+    fn each_hit_of(&self, ray: &Ray, found: &mut dyn FnMut(Hit) -> Next, traversal: &mut Traversal) {
+        one::<T, false>(self, ray, traversal, found);
+    }
+
     /// Appends the results of rays.
     fn trace(&self, all: Rays, mut results: Results, traversal: &mut Traversal) {
         let first = results.len();
@@ -236,10 +241,11 @@ impl<T: Tier> Accelerator for Wide<T> {
 
     fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal) {
         let first = hits.len();
-        one::<T, false>(self, ray, traversal, |hit| {
+        let mut found = |hit| {
             hits.push(hit);
             Next::Continue
-        });
+        };
+        self.each_hit_of(ray, &mut found, traversal);
         crate::bvh::merge_split(hits, first);
     }
 
@@ -250,10 +256,11 @@ impl<T: Tier> Accelerator for Wide<T> {
                 simd, self, rays, stream, tests, AllHits(hits, first)
             ));
             for index in left.iter() {
-                one::<T, false>(self, &rays.get(index), traversal, |hit| {
+                let mut found = |hit| {
                     hits.push((first + index, hit));
                     Next::Continue
-                });
+                };
+                self.each_hit_of(&rays.get(index), &mut found, traversal);
             }
         }
     }
@@ -273,10 +280,11 @@ impl<T: Tier> Accelerator for Wide<T> {
         traversal: &mut Traversal,
     ) -> bool {
         let mut occluded = false;
-        one::<T, false>(self, ray, traversal, |hit| {
+        let mut found = |hit: Hit| {
             occluded = accepts(hit.prim);
             if occluded { Next::Stop } else { Next::Continue }
-        });
+        };
+        self.each_hit_of(ray, &mut found, traversal);
         occluded
     }
 
