@@ -164,10 +164,17 @@ fn the_table_and_the_page_need_nothing_else() {
     assert!(said.contains("times as fast"), "{said}");
     assert!(said.lines().all(|line| line.chars().count() <= 120), "{said}");
     let html = std::fs::read_to_string(page).expect("the page");
-    // One for each kind of rays, and one for building.
-    assert_eq!(html.matches("<svg ").count(), 5);
-    let links = html.replace("http://www.w3.org/2000/svg", "");
-    assert!(!["http", "src=", "href=", "url("].iter().any(|link| links.contains(link)));
+    let (_, rest) = html.split_once("id=\"bench\">").expect("an element");
+    let report: Value =
+        serde_json::from_str(rest.split("</script>").next().expect("its text")).expect("JSON");
+    let rows = report["rows"].as_array().expect("rows");
+    assert!(rows.iter().any(|row| row["engine"] == "obvhs"), "{report}");
+    for row in rows {
+        assert!(said.contains(row["layout"].as_str().expect("a name")), "{row}");
+        let facts = ["build_ms", "mrays_per_s", "wrong_hits_by_kind", "rays", "runs", "clock"];
+        assert!(facts.iter().all(|key| !row[*key].is_null()), "{row}");
+    }
+    assert!(!["http", "src=", "href=", "url("].iter().any(|link| html.contains(link)));
 }
 
 #[test]

@@ -19,7 +19,7 @@ use kiln::scene::option::group;
 use kiln::scene::{Look, Side, shell_quoted};
 use kiln_lab::study::{
     Options, PathVariation, Pools, Setting, Study, StudySubject, error_against_time, facts, headline, page,
-    study, to_csv,
+    study, to_csv, to_json,
 };
 
 /// The files of a study: its page, table, data and plot.
@@ -91,19 +91,15 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
 
     // A study of named parameters is about these alone.
     if command.parameter.is_empty() {
-        let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
+        progress.phase("measuring errors");
         study.errors = timed.install(|| picture_errors(arguments, &control))?;
     }
 
     let write = |name: &str, text: &str| {
         write_whole(&command.output.join(name), |out| out.write_all(text.as_bytes()))
     };
-    let texts = [
-        page(&study, &pictures),
-        to_csv(&study.rows),
-        format!("{:#}\n", serde_json::json!(study)),
-        error_against_time(&study.rows, study.noise_floor()),
-    ];
+    let json = to_json(&study);
+    let texts = [page(&json, &pictures), to_csv(&study.rows), json, error_against_time(&study)];
     FILES.iter().zip(&texts).try_for_each(|(name, text)| write(name, text))?;
     progress.clear();
     print(&text(&study))?;

@@ -2,5 +2,6 @@
 //! time ([`study`]).
 
 pub mod bench;
+mod page;
 pub mod study;
 pub mod timing;

@@ -54,7 +54,7 @@ fn machine(isa: Option<&str>) -> Vec<[String; 2]> {
 }
 
 /// Name of the processor.
-pub(super) fn processor() -> String {
+fn processor() -> String {
     let file = read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = file.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
     name.map_or_else(|| std::env::consts::ARCH.to_owned(), |(_, name)| name.trim().to_owned())

@@ -22,7 +22,6 @@ mod engine;
 mod envelope;
 pub mod errors;
 pub mod generate;
-pub(crate) mod html;
 mod icosphere;
 pub mod leaks;
 pub mod light_left_out;

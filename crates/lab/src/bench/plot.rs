@@ -1,10 +1,8 @@
-//! Plots as SVG: bars, panels of lines, and scatter plots. Colours are fixed; the CSS of a page overrides them in dark
-//! mode. Why without a crate: docs/decisions.md.
+//! Plots as SVG: panels of lines, and scatter plots. Why without a crate: docs/decisions.md.
 
 use std::fmt::Write;
 
 use super::Quartiles;
-use super::html::escaped;
 
 /// Colours that are distinguishable with red-green colour blindness (Okabe and Ito, Color Universal Design, 2008).
 const PALETTE: [&str; 7] = ["#D55E00", "#968214", "#009E73", "#CC79A7", "#56B4E9", "#0072B2", "#5A5A5A"];
@@ -12,7 +10,6 @@ const PALETTE: [&str; 7] = ["#D55E00", "#968214", "#009E73", "#CC79A7", "#56B4E9
 const COLOURS: usize = PALETTE.len() - 1;
 
 const INK: &str = "#282828";
-const WARNING: &str = "#BE0000";
 const GRID: &str = "#E1E1E1";
 
 /// `text-anchor` of text that begins, ends and has its middle at its position.
@@ -68,6 +65,11 @@ impl Svg {
     fn finish(self) -> String {
         self.0 + "</svg>\n"
     }
+}
+
+/// Text with HTML special characters escaped.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 /// An axis.
@@ -187,40 +189,6 @@ impl Chart {
         svg.text([0.0; 2], MIDDLE, size, INK, title);
         svg.0 += "</g>\n";
     }
-}
-
-/// A bar with quartiles.
-pub(crate) struct Bar {
-    /// Label beside the bar.
-    pub name: String,
-    /// Its colour: of the palette, by number.
-    pub colour: usize,
-    /// Length.
-    pub value: Quartiles,
-    /// Warning behind the bar, in red; empty if there is none.
-    pub warning: String,
-}
-
-/// Horizontal bars from top to bottom, with a line from the lower to the upper quartile each.
-pub(crate) fn bars(unit: &str, bars: &[Bar]) -> String {
-    let bottom = 8.0 + 22.0 * bars.len() as f64;
-    let longest = bars.iter().map(|bar| bar.value.upper).fold(f64::MIN_POSITIVE, f64::max);
-    let mut svg = Svg::new([900.0, bottom + 48.0]);
-    let edges = [298.0, 8.0, 892.0, bottom];
-    let chart = Chart { edges, x: Axis::linear(longest * 1.3), y: Axis::linear(bars.len() as f64) };
-    chart.draw_x_axis(&mut svg, 11.0, unit);
-    for (index, bar) in bars.iter().enumerate() {
-        let row = 19.0 + 22.0 * index as f64;
-        let [left, lower, median, upper] = [0.0, bar.value.lower, bar.value.median, bar.value.upper]
-            .map(|value| [chart.place([value, 0.0])[0], row]);
-        svg.line(&[left, median], colour(bar.colour), 14.0, "");
-        svg.line(&[lower, upper], INK, 2.0, "");
-        svg.text([left[0] - 8.0, row], END, 11.0, INK, &bar.name);
-        svg.text([upper[0] + 8.0, row], START, 11.0, INK, &three_digits(bar.value.median));
-        svg.text([upper[0] + 52.0, row], START, 11.0, WARNING, &bar.warning);
-    }
-    svg.line(&[[298.0, 8.0], [298.0, bottom]], INK, 1.0, "");
-    svg.finish()
 }
 
 /// The number with three significant digits, and with groups of three if it is large.
@@ -420,19 +388,6 @@ fn free_place(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn bars_have_labels_and_warnings() {
-        let value = Quartiles { lower: 9.0, median: 10.0, upper: 11.0 };
-        let bar =
-            |name: &str, warning: &str| Bar { name: name.into(), colour: 0, value, warning: warning.into() };
-        let svg = bars("furlongs", &[bar("quick", ""), bar("brown <fox>", "3 wrong")]);
-        assert!(svg.starts_with("<svg ") && svg.trim_end().ends_with("</svg>"));
-        for text in ["furlongs", "quick", "brown &lt;fox&gt;", "3 wrong", "10.0"] {
-            assert!(svg.contains(text), "{text}: {svg}");
-        }
-        bars("nothing", &[]);
-    }
 
     #[test]
     fn axes_end_at_round_numbers() {

@@ -11,7 +11,7 @@ use kiln::bvh::Numerics;
 /// The fastest setting below an error bound.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Advice {
-    /// Upper bound of the RMS error.
+    /// Upper bound of the RMS error; 1 is white.
     pub below: f64,
     /// Index of the fastest row below the bound, if there is one.
     pub row: Option<usize>,
@@ -69,6 +69,16 @@ pub(crate) fn best<'a>(rows: &[&'a SettingRow], study: &Study) -> Vec<&'a Settin
     front(&points, study.noise_floor()).into_iter().map(|index| rows[index]).collect()
 }
 
+/// Rows of the Pareto front of time and relMSE against the limit, of samples and the parameters of path tracing: RMSE is
+/// dominated by what is bright, such as the edges of visible lights.
+pub(crate) fn best_of_paths<'a>(rows: &[&'a SettingRow]) -> Vec<&'a SettingRow> {
+    let is_of_paths =
+        |name: &str| path_sweep::PARAMETERS.contains(&name) || ["samples", "together"].contains(&name);
+    let rows: Vec<&SettingRow> = rows.iter().copied().filter(|row| is_of_paths(&row.parameter)).collect();
+    let points = points(&rows, |row| row.limit.map(|limit| limit.rel_mse));
+    front(&points, 0.0).into_iter().map(|index| rows[index]).collect()
+}
+
 /// Recommendations for round error bounds between the smallest and the largest measured error.
 pub fn advice(rows: &[SettingRow]) -> Vec<Advice> {
     let rows = comparable(rows);
@@ -76,14 +86,15 @@ pub fn advice(rows: &[SettingRow]) -> Vec<Advice> {
     let worst = rows.iter().map(|row| error(row)).fold(0.0, f64::max);
     let best = rows.iter().map(|row| error(row)).fold(f64::INFINITY, f64::min);
     let mut advice = Vec::new();
-    for below in round_errors(best, worst) {
+    for steps in round_errors(255.0 * best, 255.0 * worst) {
+        let below = steps / 255.0;
         let row = fastest(&rows, |row| error(row) < below);
         let text = match row {
             Some(row) => format!(
-                "fastest setting with an error (RMSE, 1 is white) below {below}: {}: {} ms, error {:.1e}{}{}{}",
+                "fastest setting with an RMS error below {steps} of 255 steps: {}: {} ms, error {}{}{}{}",
                 row.name(),
                 brief(row.trace_ms),
-                error(row),
+                scientific(255.0 * error(row)),
                 if row.significance == Significance::Insignificant {
                     ", not significant beside the noise of the reference"
                 } else {
@@ -97,7 +108,7 @@ pub fn advice(rows: &[SettingRow]) -> Vec<Advice> {
                 equally_fast(row, &rows, below),
             ),
             None => format!(
-                "no measured setting has an error (RMSE) below {below}; `--full` measures more samples"
+                "no measured setting has an RMS error below {steps} of 255 steps; `--full` measures more samples"
             ),
         };
         advice.push(Advice { below, row: row.map(|row| row.id), text });
@@ -142,12 +153,24 @@ pub(crate) fn brief(ms: Quartiles) -> String {
     format!("{:.digits$} ({:.digits$} to {:.digits$})", ms.median, ms.lower, ms.upper)
 }
 
-/// Error bounds 0.5, 0.2, 0.1, 0.05, …: those below `worst`, down to the first below `best`, at most six.
+/// Formats a number with two or more significant digits.
+pub(crate) fn scientific(x: f64) -> String {
+    if x == 0.0 {
+        "0".into()
+    } else if (0.01..1e4).contains(&x.abs()) {
+        let digits = if x < 1.0 { 3 } else { 2 * usize::from(x < 100.0) };
+        format!("{x:.digits$}")
+    } else {
+        format!("{x:.1e}")
+    }
+}
+
+/// Error bounds 100, 50, 20, 10, 5, …: those below `worst`, down to the first below `best`, at most six.
 fn round_errors(best: f64, worst: f64) -> Vec<f64> {
     if !(worst > 0.0 && best.is_finite()) {
         return Vec::new();
     }
-    let all = (-9..1i32)
+    let all = (-9..3i32)
         .rev()
         .flat_map(|power| [5.0, 2.0, 1.0].map(|digit| format!("{digit}e{power}").parse().unwrap_or(1.0)));
     let inside: Vec<f64> = all.filter(|&below: &f64| below < worst).collect();

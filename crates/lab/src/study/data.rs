@@ -10,7 +10,7 @@ use kiln::metrics::Figures;
 use kiln::metrics::t_test::TTest;
 
 /// Version of the JSON schema, incremented when a field is removed or changes its meaning.
-pub(crate) const SCHEMA: u32 = 2;
+pub(crate) const SCHEMA: u32 = 3;
 
 /// Results of a study.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -1,5 +1,7 @@
 //! The settings that the page shows first: a quick one and a recommended one.
 
+use serde::Serialize;
+
 use super::advice::{best, comparable, fastest};
 use super::data::{SettingRow, Study};
 
@@ -7,7 +9,7 @@ use super::data::{SettingRow, Study};
 const PSNR_OF_A_STEP: f64 = 48.13;
 
 /// Settings to begin with.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(crate) struct Selection {
     /// Index of the fastest row.
     pub quick: usize,

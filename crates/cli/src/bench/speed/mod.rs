@@ -61,11 +61,11 @@ pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()>
     })?;
     let subject = arguments.subject.name();
     let report = Report { rows: &rows, absent: &absent, subject: &subject, runs: arguments.runs };
+    let json = super::report(&subject, json::rows(&report));
     if let Some(file) = &arguments.page {
-        let html = page(&rows, &absent, &subject, arguments.runs);
-        write_whole(file, |out| out.write_all(html.as_bytes()))?;
+        write_whole(file, |out| out.write_all(page(&json).as_bytes()))?;
     }
-    print(&if arguments.json { super::report(&subject, json::rows(&report)) } else { text::tables(&report) })
+    print(&if arguments.json { json } else { text::tables(&report) })
 }
 
 pub(crate) type Chosen = (Vec<Engine>, Vec<Unavailable>);

@@ -5,14 +5,12 @@
 //! The hits of every engine are compared with those of kiln's tier `exact`.
 
 mod measure;
-mod page;
 mod rays;
 mod reference;
 mod scaling;
 mod setting;
 
 pub use measure::{Settings, SpeedRow, best, measure};
-pub use page::page;
 pub use rays::{BATCH, Kind, RaySets, ViewSetup};
 pub use reference::ReferenceHits;
 pub use scaling::{ScalingStep, plot as scaling_plot, scaling, sizes};
@@ -21,6 +19,11 @@ pub use setting::{Triangles, Viewpoint, scene, triangles, view_setup};
 use super::{Available, Engine, Unavailable, embree, gathered, obvhs, own, tinybvh};
 use kiln::bvh::Numerics;
 use kiln::bvh::detail::Layout;
+
+/// The HTML page of the results, of their JSON.
+pub fn page(json: &str) -> String {
+    crate::page::page(include_str!("page.js"), &[("bench", json)])
+}
 
 /// All libraries of [`engines`].
 pub const NAMES: [&str; 6] = ["kiln", "obvhs", "bvh", "parry3d", "tinybvh", "embree"];
