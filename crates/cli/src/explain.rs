@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::arguments::{self, Arguments};
 use super::numbers::aligned;
 use super::prepare::Reporter;
-use super::progress::Mode;
+use super::progress::{Mode, Progress};
 use super::{json_text, print};
 use kiln::effects::{Decision, EFFECTS};
 use kiln::error::Result;
@@ -34,13 +34,13 @@ pub(crate) struct Command {
     #[arg(long, help_heading = group::OUTPUT)]
     json: bool,
     /// Measure the cost of each effect by rendering with and without it, on one thread unless --threads is given, and the
-    /// errors of the picture by their causes, of at most 256 pixels unless --size is given
+    /// errors of the picture by their causes, of at most 256 pixels (128 of traced paths) unless --size is given
     #[arg(long, help_heading = group::MEASUREMENT)]
     measure: bool,
-    /// Number of measured rounds
-    #[arg(long, help_heading = group::MEASUREMENT, value_name = "N", default_value = "9", requires = "measure",
+    /// Number of measured rounds [default: 9, or as many as take 20 seconds, at least 3]
+    #[arg(long, help_heading = group::MEASUREMENT, value_name = "N", requires = "measure",
         value_parser = crate::numbers::whole(1..=1000u16))]
-    rounds: u16,
+    rounds: Option<u16>,
     /// Explain one pixel: its rays, the terms at each surface and its 8-bit values; column and row from the top left,
     /// from 0
     #[arg(long, help_heading = group::MEASUREMENT, value_name = "X,Y", allow_hyphen_values = true, value_parser = parse_pixel, conflicts_with = "measure")]
@@ -69,11 +69,16 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let (job, measured) = super::pool(threads)?.install(|| {
         let settings = command.arguments.options.settings()?;
         let job = prepare(command, &settings)?;
-        let rounds = command.rounds.into();
         let measured = command.measure.then(|| -> Result<(Costs, Vec<PictureError>)> {
-            let costs = measure(&job, rounds, interrupted)?;
-            let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
-            Ok((costs, picture_errors(&command.arguments, &control)?))
+            let progress = Progress::on_terminal();
+            let steps = |done, total| progress.tiles(done, total);
+            let control = RenderControl { cancel: interrupted, progress: &steps, time_stages: false };
+            progress.phase("measuring effects");
+            let costs = measure(&job, command.rounds.map(usize::from), &control)?;
+            progress.phase("measuring errors");
+            let errors = picture_errors(&command.arguments, &control)?;
+            progress.clear();
+            Ok((costs, errors))
         });
         measured.transpose().map(|measured| (job, measured))
     })?;
@@ -96,24 +101,30 @@ fn prepare(command: &Command, settings: &RenderSettings) -> Result<RenderJob> {
     Ok(job)
 }
 
-/// The longer side of the picture whose errors are measured, in pixels, unless its size is given.
+/// The longer side of the picture whose errors are measured, in pixels, unless its size is given; of traced paths.
 pub(crate) const LONGEST: u32 = 256;
+const LONGEST_OF_PATHS: u32 = 128;
 
 /// The errors of a picture by their causes. None of standard input, which is read once.
 pub(crate) fn picture_errors(arguments: &Arguments, control: &RenderControl) -> Result<Vec<PictureError>> {
     if arguments.inputs.iter().any(|input| input == Path::new("-")) {
         return Ok(Vec::new());
     }
-    let job = |numerics: Option<Numerics>, pipeline: Option<ColourPipeline>| {
+    let job = |longest: u32, numerics: Option<Numerics>, pipeline: Option<ColourPipeline>| {
         let own = arguments.options.settings()?;
-        let mut settings = RenderSettings { longest_side: Some(LONGEST), ..own };
+        let mut settings = RenderSettings { longest_side: Some(longest), ..own };
         settings.picture.numerics = numerics.or(settings.picture.numerics);
         settings.picture.colour = pipeline.or(settings.picture.colour);
         let mut silent = Reporter::silent(Mode::None);
         let (session, picture) = silent.load_and_resolve(arguments, &settings, true)?;
         session.into_job(&picture, false, &RenderControl::default(), &mut silent.warnings)
     };
-    errors::measure(&job(None, None)?, &job, control)
+    let mut own = job(LONGEST, None, None)?;
+    let longest = if own.plan.transport.traces_paths() { LONGEST_OF_PATHS } else { LONGEST };
+    if longest != LONGEST {
+        own = job(longest, None, None)?;
+    }
+    errors::measure(&own, &|numerics, pipeline| job(longest, numerics, pipeline), control)
 }
 
 fn explain_pixel(command: &Command, pixel: [u32; 2], interrupted: &AtomicBool) -> Result<()> {

@@ -85,6 +85,11 @@ impl Progress {
         }
     }
 
+    /// A bar on a terminal, nothing elsewhere.
+    pub(crate) fn on_terminal() -> Self {
+        Progress::new(if std::io::stderr().is_terminal() { Mode::Bar } else { Mode::None })
+    }
+
     /// Shows the name of a phase without measurable progress.
     pub(crate) fn phase(&self, what: &str) {
         if let Some(bar) = &self.bar {

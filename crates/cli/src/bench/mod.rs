@@ -7,13 +7,12 @@ mod scaling;
 mod speed;
 mod subject;
 
-use std::io::IsTerminal;
 use std::sync::atomic::AtomicBool;
 
 use clap::{Args, Subcommand};
 use serde_json::Value;
 
-use super::progress::{Mode, Progress};
+use super::progress::Progress;
 use super::typed;
 use kiln::error::Result;
 use kiln::render::RenderControl;
@@ -86,13 +85,10 @@ fn with_progress<T: Send>(
     work: impl FnOnce(&RenderControl) -> Result<T> + Send,
 ) -> Result<T> {
     let pool = super::pool(threads)?;
-    let progress = Progress::new(if std::io::stderr().is_terminal() { Mode::Bar } else { Mode::None });
+    let progress = Progress::on_terminal();
     progress.phase(phase);
-    let control = RenderControl {
-        cancel: interrupted,
-        progress: &|done, total| progress.tiles(done, total),
-        time_stages: false,
-    };
+    let steps = |done, total| progress.tiles(done, total);
+    let control = RenderControl { cancel: interrupted, progress: &steps, time_stages: false };
     let result = pool.install(|| work(&control));
     progress.clear();
     result

@@ -5,7 +5,7 @@
 //! the whole picture saves without this effect. They differ if effects interact: a mirrored surface needs shadow rays,
 //! too.
 
-use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
 
 use crate::timing::{Clock, Quartiles};
 use kiln::effects::{EffectId, Plan};
@@ -60,11 +60,16 @@ impl Costs {
     }
 }
 
-/// Measures a picture on the current pool, `rounds` times.
+/// Rounds of measurement, and the least of them where they take longer than [`LONG`].
+const ROUNDS: usize = 9;
+const LEAST_ROUNDS: usize = 3;
+const LONG: Duration = Duration::from_secs(20);
+
+/// Measures a picture on the current pool, `rounds` times; [`ROUNDS`] or fewer by default. Progress is counted in renders.
 ///
 /// # Errors
 /// Those of [`render`].
-pub fn measure(job: &RenderJob, rounds: usize, cancel: &AtomicBool) -> Result<Costs> {
+pub fn measure(job: &RenderJob, rounds: Option<usize>, control: &RenderControl) -> Result<Costs> {
     let RenderJob { world, view, window, plan, .. } = job;
     let on: Vec<usize> = (0..plan.decisions.len()).filter(|&i| plan.decisions[i].on).collect();
     // Plans with the first k effects for every k, then the whole plan without each effect.
@@ -75,20 +80,25 @@ pub fn measure(job: &RenderJob, rounds: usize, cancel: &AtomicBool) -> Result<Co
 
     let mut ms: Vec<Vec<f64>> = vec![Vec::new(); plans.len()];
     let mut statistics: Vec<Option<Statistics>> = vec![None; plans.len()];
-    let control = RenderControl { cancel, progress: &|_, _| {}, time_stages: false };
-    for round in 0..=rounds {
+    let (most, start) = (rounds.unwrap_or(ROUNDS), Instant::now());
+    let single = RenderControl { cancel: control.cancel, ..RenderControl::default() };
+    for round in 0..=most {
+        if rounds.is_none() && round > LEAST_ROUNDS && start.elapsed() > LONG {
+            break;
+        }
         // Rounds are rotated, as a render may affect the time of the next one.
         for turn in 0..plans.len() {
             let index = (round + turn) % plans.len();
             let clock = Clock::start(threads);
             let made: Result<(Film<[u8; 3]>, Statistics)> =
-                render(world, view, &plans[index], *window, |_, _| true, &control);
+                render(world, view, &plans[index], *window, |_, _| true, &single);
             let seconds = clock.seconds();
             statistics[index] = Some(made?.1);
             // Round 0 is the warm-up.
             if round > 0 {
                 ms[index].push(seconds * 1e3);
             }
+            (control.progress)(plans.len() * round + turn + 1, plans.len() * (most + 1));
         }
     }
     let of = |a: usize, b: Option<usize>| -> Cost {
@@ -111,7 +121,7 @@ pub fn measure(job: &RenderJob, rounds: usize, cancel: &AtomicBool) -> Result<Co
         whole: of(on.len(), None),
         base: of(0, None),
         parts: on.iter().enumerate().map(part).collect(),
-        rounds,
+        rounds: ms[0].len(),
         clock: Clock::name(threads),
         threads,
     })

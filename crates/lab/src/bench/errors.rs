@@ -5,6 +5,8 @@
 //! of samples, a picture of many; of limits on bounces and of the clamp, one without, by the same samples; of the tier,
 //! `exact` by the same samples; of texture filters, one that averages texels by samples alone.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use glam::DVec3;
 
 use super::light_left_out::{self, LightLeftOut, Share, without_limits};
@@ -113,11 +115,19 @@ pub fn ratio(time: &Quartiles) -> String {
 /// Prepares the same picture in another tier, or in another colour pipeline.
 pub type OtherJobs<'a> = &'a dyn Fn(Option<Numerics>, Option<ColourPipeline>) -> Result<RenderJob>;
 
-/// Measures the errors of a picture. `others` prepares it in another tier or colour pipeline.
+/// Measures the errors of a picture. `others` prepares it in another tier or colour pipeline. Progress is that of all renders.
 ///
 /// # Errors
 /// As [`RenderJob::render`].
 pub fn measure(job: &RenderJob, others: OtherJobs, control: &RenderControl) -> Result<Vec<PictureError>> {
+    const STEPS: usize = 1000;
+    let (done, total) = (AtomicUsize::new(0), renders(job));
+    let progress = |tiles: usize, of: usize| {
+        let before =
+            if tiles == of { done.fetch_add(1, Ordering::Relaxed) } else { done.load(Ordering::Relaxed) };
+        (control.progress)((STEPS * before + STEPS * tiles / of).min(STEPS * total), STEPS * total);
+    };
+    let control = &RenderControl { progress: &progress, ..*control };
     let own = displayed(job, control)?;
     let mut errors = sampling(job, &own, control)?;
     errors.extend(bounces(job, &own, control)?);
@@ -127,6 +137,20 @@ pub fn measure(job: &RenderJob, others: OtherJobs, control: &RenderControl) -> R
     }
     errors.extend(rounding(job, others, &own, control)?);
     Ok(errors)
+}
+
+/// About the number of renders of a measurement: those of each cause, and the pairs that are timed.
+fn renders(job: &RenderJob) -> usize {
+    let is_on = |effect| job.plan.decisions.iter().any(|decision| decision.on && decision.effect == effect);
+    let paths = if job.plan.transport.traces_paths() { 10 + 4 * ROUNDS } else { 0 };
+    let others = [
+        is_on(id::TEXTURES),
+        is_on(id::GLAZE),
+        job.world.numerics() != Numerics::Exact,
+        job.pipeline() == ColourPipeline::U8,
+    ];
+    let causes = others.iter().filter(|is_cause| **is_cause).count();
+    3 + 2 * ROUNDS + paths + causes * (1 + 2 * ROUNDS)
 }
 
 /// Displayed values of a picture.
