@@ -144,6 +144,8 @@ pub struct Warnings {
     messages: Deduplicator,
     notes: Deduplicator,
     left_out: Deduplicator,
+    /// Those notes that say what is so at every picture without options.
+    usual: HashSet<String>,
 }
 
 /// Texts in order without duplicates, at most [`Deduplicator::MOST`] per kind, then a text with the number of the others.
@@ -197,6 +199,18 @@ impl Warnings {
         self.notes.push(message.into(), "notes");
     }
 
+    /// Adds a note on what is so at every picture without options, which `kiln info` says and a render does not.
+    pub fn note_usual(&mut self, message: impl Into<String>) {
+        let message = message.into();
+        self.usual.insert(message.clone());
+        self.note(message);
+    }
+
+    /// Whether a note is one of those.
+    pub fn is_usual(&self, note: &str) -> bool {
+        self.usual.contains(note)
+    }
+
     /// Adds a warning about content of an input that is not drawn or not used.
     pub fn left_out(&mut self, message: impl Into<String>) {
         let message = message.into();
@@ -224,6 +238,7 @@ impl Warnings {
         other.messages().iter().for_each(|text| self.push(text.as_str()));
         other.notes().iter().for_each(|text| self.note(text.as_str()));
         other.left_out.texts.iter().for_each(|text| self.left_out.push(text.clone(), "warnings"));
+        self.usual.extend(other.usual.iter().cloned());
     }
 
     /// The warnings and notes so far about content that is not drawn or not used.

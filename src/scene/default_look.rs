@@ -26,8 +26,10 @@ pub struct DefaultLook {
     /// Whether the background is a backdrop: put behind the picture after exposure and tone map, in the colour that it
     /// has without them.
     pub has_backdrop: bool,
-    /// Notes on what was added, and why.
+    /// Notes on what was decided, and why.
     pub notes: Vec<String>,
+    /// Note on what is added to every picture of files without lights.
+    pub usual_note: Option<String>,
 }
 
 impl DefaultLook {

@@ -69,6 +69,7 @@ impl Fingerprint {
             background,
             has_backdrop,
             notes: _,
+            usual_note: _,
         } = look;
         let Scene {
             // Those of the look.

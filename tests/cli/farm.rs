@@ -397,7 +397,7 @@ fn progress_is_in_the_words_of_who_reads_it() {
     let lines: Vec<&str> = err.lines().collect();
     assert_eq!(lines[0], "openjd_fail: none.toml: no such file");
     assert!(lines.len() == 2 && lines[1].starts_with("hint: "), "{err}");
-    workshop.write("a.obj", format!("{TRIANGLE}l 1 2\n"));
+    workshop.write("a.obj", format!("{TRIANGLE}l 1 2\nf 1 1 2\n"));
     let said = workshop.ends(0, "render a.obj --draft --size 8x8 --frames 0-1 -o g_#.png --progress openjd");
     for line in said.lines() {
         let is_known = ["kiln: note: ", "kiln: warning: ", "openjd_progress: ", "openjd_status: "];
@@ -459,7 +459,7 @@ fn standard_error_is_json_lines_to_the_end() {
         assert!(!found.is_empty(), "{arguments}");
         found
     };
-    // A picture with a warning, about the line, and notes, about the light.
+    // A picture with a warning, about the line, and a note, about a triangle.
     let render = "render a.obj --size 32x24 -o a.png --progress json";
     let found = run(0, render);
     assert!(

@@ -214,7 +214,7 @@ impl WarningPrinter {
             }
         }
         if with_notes {
-            let new = warnings.notes()[self.notes..].iter();
+            let new = warnings.notes()[self.notes..].iter().filter(|text| !warnings.is_usual(text));
             let is_one = self.subject.is_none();
             new.filter(|text| self.known_notes.insert((*text).clone()) || is_one)
                 .for_each(|text| Message::Note(text).print());

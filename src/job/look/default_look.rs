@@ -158,7 +158,10 @@ fn studio(scene: &Scene, settings: &RenderSettings, given: DefaultLook) -> Defau
     let (added, has_backdrop) = background(given.background, look.ground.is_some(), &context);
     look.background = added.or(look.background);
     look.has_backdrop = has_backdrop;
-    notes.extend(note_of_parts(&look, &given, &context));
+    match note_of_parts(&look, &given, &context) {
+        Some(note) if is_lit_by_files => notes.push(note),
+        note => look.usual_note = note,
+    }
     DefaultLook { notes, ..look }
 }
 

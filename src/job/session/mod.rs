@@ -320,7 +320,7 @@ impl Session {
                     warnings.note("the surface is open to one side; the camera looks in from there");
                 }
                 None if has_default_view && !scene.has_settings => {
-                    warnings.note("the camera looks from +z; --azimuth 180 shows the back");
+                    warnings.note_usual("the camera looks from +z; --azimuth 180 shows the back");
                 }
                 _ => {}
             }
@@ -523,6 +523,7 @@ impl Session {
             notes::warn_of_dark_lights(&self.scene, &mut warnings);
             let look = default_look(&self.scene, &key, environment)?;
             look.notes.iter().for_each(|note| warnings.note(note.as_str()));
+            look.usual_note.iter().for_each(|note| warnings.note_usual(note.as_str()));
             Ok((look, warnings))
         })?;
         let PictureSettings { width, height, azimuth, elevation, zoom, fov, .. } = settings.picture;
