@@ -116,6 +116,26 @@ fn the_scene_file_renders() {
     }
 }
 
+/// The mesh that the README puts beside the assignment is in sight: it covers a fiftieth of the picture, or more.
+#[test]
+fn a_mesh_beside_the_assignment_is_in_sight() {
+    let readme = read_page("README.md").text;
+    let (_, rest) = readme.split_once("`printf '").expect("a command");
+    let scene = rest.split('\'').next().expect("its text").replace("\\n", "\n");
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::copy(repository("assets/import/l.obj"), folder.path().join("model.obj")).expect("a mesh");
+    std::fs::write(folder.path().join("mesh.toml"), scene).expect("the scene is written");
+    let render = |inputs: &[&str]| {
+        let mut command = kiln();
+        command.current_dir(folder.path()).arg("render").arg(repository("scenes/assignment.toml"));
+        command.args(inputs).args(["-o", "out.png", "--size", "64x64", "--strict"]).assert().success();
+        kiln::film::read::read_picture(&folder.path().join("out.png")).expect("a picture").values
+    };
+    let (alone, both) = (render(&[]), render(&["mesh.toml"]));
+    let count = alone.iter().zip(&both).filter(|(a, b)| a != b).count();
+    assert!(count > 64 * 64 / 50, "{count} pixels");
+}
+
 /// The animation that is shown moves what the scene file that is shown has.
 #[test]
 fn the_animation_moves_the_scene() {
