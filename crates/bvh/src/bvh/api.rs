@@ -7,6 +7,7 @@ use crate::threads::*;
 use glam::DVec3;
 
 use super::generalised::Expansions;
+use super::open_edges::Unbalanced;
 use super::placed_meshes::InstanceTable;
 use super::stored_slot::MeshSlots;
 use super::{
@@ -31,6 +32,8 @@ pub struct Bvh {
     /// The ids at which triangles begin or end to be seen clockwise from the front.
     pub(super) clockwise: Vec<u32>,
     pub(super) closedness: OnceLock<Closedness>,
+    /// Of instances.
+    pub(super) unbalanced: OnceLock<Unbalanced>,
     pub(super) expansions: OnceLock<Arc<Expansions>>,
 }
 
@@ -247,6 +250,7 @@ impl Bvh {
             instances: InstanceTable::default(),
             clockwise: Vec::new(),
             closedness: OnceLock::new(),
+            unbalanced: OnceLock::new(),
             expansions: OnceLock::new(),
         }
     }
@@ -302,7 +306,8 @@ impl Bvh {
         if let Some(t_max) = t_max.filter(|t_max| ![1, len].contains(&t_max.len())) {
             return Err(InvalidRays::Distances { distances: t_max.len(), origins: len });
         }
-        let rays = RayArrays { origins, directions, t_max, precision: self.numerics.ray_precision() };
+        let rays =
+            RayArrays { origins, directions, t_max, precision: self.numerics.ray_precision(), width: None };
         let check = |index: usize| {
             check_ray(origins[index].to_dvec3(), directions[index].to_dvec3(), rays.t_max(index))
                 .err()
@@ -405,34 +410,13 @@ impl Bvh {
     /// [`NotFinite`], as for [`Bvh::new`].
     pub fn update(&mut self, primitives: impl IntoIterator<Item = Primitive>) -> Result<Update, NotFinite> {
         let now = checked(primitives)?;
-        // A primitive without a slot cannot be refitted.
-        let is_empty = |p: &Primitive| p.rounded(self.numerics.precision()).is_none();
-        let is_same = self.instances.ids().is_none()
-            && self.has_slot.len() == now.len()
-            && self.has_slot.iter().zip(&now).all(|(has_slot, p)| *has_slot || is_empty(p));
-        if is_same {
-            if Arc::get_mut(&mut self.accelerator).is_none()
-                && let Some(copy) = self.accelerator.copy_to_refit()
-            {
-                self.accelerator = copy;
-            }
-            let own = Arc::get_mut(&mut self.accelerator);
-            let relative_cost = own.and_then(|own| own.refit(&|id| now[id.0 as usize]));
-            if let Some(relative_cost) = relative_cost.filter(|cost| is_worth_keeping(*cost)) {
-                self.forget_surface();
-                return Ok(Update::Refitted(relative_cost));
-            }
+        if let Some(relative_cost) = self.refit(now.len(), &|id| now[id.0 as usize]) {
+            return Ok(Update::Refitted(relative_cost));
         }
-        let mut rebuilt = Bvh::over(&now, self.layout, self.numerics);
-        if self.instances.ids().is_none() {
-            rebuilt.clockwise.clone_from(&self.clockwise);
-        }
-        rebuilt.set_user_geometry(self.user_geometries().cloned())?;
-        *self = rebuilt;
-        Ok(Update::Rebuilt)
+        self.replace(Bvh::over(&now, self.layout, self.numerics))
     }
 
-    /// [`Bvh::update`] to a mesh, whose triangles are the primitives.
+    /// [`Bvh::update`] by the triangles of vertices, as in [`Bvh::from_mesh`]; without a copy of them.
     ///
     /// # Errors
     /// As [`Bvh::from_mesh`].
@@ -443,7 +427,48 @@ impl Bvh {
     ) -> Result<Update, InvalidMesh> {
         let vertex = |index: u32| vertices[index as usize].to_dvec3();
         check_mesh(triangles, vertices.len(), &vertex)?;
-        Ok(self.update(triangles.iter().map(|corners| Primitive::from(corners.map(vertex))))?)
+        let now = |id: PrimId| Primitive::from(triangles[id.0 as usize].map(vertex));
+        if let Some(relative_cost) = self.refit(triangles.len(), &now) {
+            return Ok(Update::Refitted(relative_cost));
+        }
+        let preset = self.layout.preset().expect("a `Bvh` has a tree");
+        Ok(self.replace(Bvh::from_mesh_with(vertices, triangles, preset, self.numerics)?)?)
+    }
+
+    /// Refits the tree to `count` primitives, given by id, which are finite. `None` if it must be built anew.
+    fn refit(&mut self, count: usize, now: &(dyn Fn(PrimId) -> Primitive + Sync)) -> Option<f64> {
+        // A primitive without a slot cannot be refitted.
+        let is_empty = |id| now(PrimId(id)).rounded(self.numerics.precision()).is_none();
+        let is_same = self.instances.ids().is_none()
+            && self.has_slot.len() == count
+            && (0..).zip(&self.has_slot).all(|(id, has_slot)| *has_slot || is_empty(id));
+        if !is_same {
+            return None;
+        }
+        if Arc::get_mut(&mut self.accelerator).is_none()
+            && let Some(copy) = self.accelerator.copy_to_refit()
+        {
+            self.accelerator = copy;
+        }
+        let relative_cost = Arc::get_mut(&mut self.accelerator)?.refit(now)?;
+        self.forget_surface();
+        is_worth_keeping(relative_cost).then_some(relative_cost)
+    }
+
+    /// Takes over a structure that was built anew, with the user geometry of this one.
+    fn replace(&mut self, mut rebuilt: Bvh) -> Result<Update, NotFinite> {
+        if self.instances.ids().is_none() {
+            rebuilt.clockwise.clone_from(&self.clockwise);
+        }
+        rebuilt.set_user_geometry(self.user_geometries().cloned())?;
+        *self = rebuilt;
+        Ok(Update::Rebuilt)
+    }
+
+    /// Frees what generalised winding numbers are computed from; their next query builds it again.
+    #[doc(hidden)]
+    pub fn forget_expansions(&mut self) {
+        self.expansions = OnceLock::new();
     }
 
     /// Which triangles are seen clockwise from the front, as those of a mesh under a mirroring transform (glTF 2.0,
@@ -458,6 +483,7 @@ impl Bvh {
             is_clockwise.then_some([first, end])
         });
         self.clockwise = ends.flatten().flatten().collect();
+        self.instances.forget_parts();
         self.forget_surface();
     }
 
@@ -479,6 +505,7 @@ impl Bvh {
     /// To be called where the surface changes.
     pub(super) fn forget_surface(&mut self) {
         self.closedness = OnceLock::new();
+        self.unbalanced = OnceLock::new();
         self.expansions = OnceLock::new();
     }
 
@@ -547,9 +574,16 @@ pub struct RayArrays<'a, P = [f64; 3]> {
     directions: &'a [P],
     t_max: Option<&'a [f64]>,
     precision: Precision,
+    width: Option<usize>,
 }
 
 impl<P: Copy> RayArrays<'_, P> {
+    /// The same rays as those of a picture, row by row, of which `width` are in a row. They are traced in tiles, which
+    /// is faster. Slices of these rays begin with a row.
+    pub fn in_rows(&self, width: usize) -> Self {
+        RayArrays { width: (1..=1 << 12).contains(&width).then_some(width), ..*self }
+    }
+
     /// The rays at a range of indices.
     ///
     /// # Panics
@@ -584,6 +618,10 @@ impl<P: Point> RayList for RayArrays<'_, P> {
     fn sort_key(&self, index: usize) -> [DVec3; 2] {
         let direction = self.directions[index].to_dvec3();
         [self.origins[index].to_dvec3(), direction * direction.abs().max_element().recip()]
+    }
+
+    fn width(&self) -> Option<usize> {
+        self.width
     }
 }
 

@@ -2,8 +2,10 @@
 //!
 //! A task answers a group of consecutive queries. Those that traverse the tree one by one are answered along a Morton
 //! curve through the six coordinates of origin and direction, so that neighbours follow each other. Streams prefetch
-//! instead; sorting rays for them takes longer than it saves (docs/decisions.md). In every tier but `fast`, results are
-//! those of the queries one by one.
+//! instead; sorting rays for them takes longer than it saves (docs/decisions.md). Rays of a picture are traced in tiles.
+//! In every tier but `fast`, results are those of the queries one by one.
+
+use std::ops::Range;
 
 use crate::threads::*;
 use glam::DVec3;
@@ -60,6 +62,20 @@ pub trait RayList: Copy + Sync {
         let Ray { origin, direction, .. } = self.get(index);
         [origin, direction]
     }
+
+    /// The number of rays in a row of a picture, if they are of one, row by row.
+    fn width(&self) -> Option<usize> {
+        None
+    }
+}
+
+/// The side of a tile of a picture's rays: a packet.
+const TILE: usize = 8;
+
+/// The rays of a task: [`GROUP`], or about as many in rows of tiles. [`RayArrays::in_rows`](super::RayArrays::in_rows)
+/// has at least one row of tiles within these.
+fn rays_of_task(rays: &impl RayList) -> usize {
+    rays.width().map_or(GROUP, |width| TILE * width * (GROUP / (TILE * width)).max(1))
 }
 
 impl RayList for Rays<'_> {
@@ -106,6 +122,9 @@ impl Worker {
     /// Loads `count` rays from index `first` on. `is_sorted`: along the curve.
     fn load(&mut self, rays: &impl RayList, first: usize, count: usize, is_sorted: bool) {
         self.order.fill(count, is_sorted, |index| rays.sort_key(first + index));
+        if let Some(width) = rays.width().filter(|_| !is_sorted) {
+            self.order.fill_tiles(first..first + count, width);
+        }
         self.rays.clear();
         self.rays.extend(self.order.indices().map(|index| rays.get(first + index)));
     }
@@ -129,8 +148,9 @@ impl Bvh {
         places: impl IndexedParallelIterator<Item = P>,
         set: impl Fn(&mut P, &Ray, Option<Hit>) + Sync,
     ) {
-        places.chunks(GROUP).enumerate().for_each_init(Worker::default, |worker, (group, mut places)| {
-            worker.load(rays, group * GROUP, places.len(), self.sorts());
+        let task = rays_of_task(rays);
+        places.chunks(task).enumerate().for_each_init(Worker::default, |worker, (group, mut places)| {
+            worker.load(rays, group * task, places.len(), self.sorts());
             let Worker { rays, hits, traversal, order, .. } = worker;
             hits.clear();
             self.accelerator().closest_hits(rays.rays(), hits, traversal);
@@ -147,20 +167,29 @@ impl Bvh {
         hits
     }
 
-    /// [`Bvh::closest_hit_by`] of every ray; `accepts` is called with the ray, too. Rays are traced one by one.
+    /// [`Bvh::closest_hit_by`] of every ray; `accepts` is called with the ray, too. Rays whose closest hit is not
+    /// accepted are traced again, one by one.
     pub fn par_closest_hits_by(
         &self,
         rays: impl RayList,
         accepts: impl Fn(&Ray, &Hit) -> bool + Sync,
     ) -> Vec<Option<Hit>> {
         let mut results = vec![None; rays.len()];
-        results.par_chunks_mut(GROUP).enumerate().for_each_init(
+        let task = rays_of_task(&rays);
+        results.par_chunks_mut(task).enumerate().for_each_init(
             Worker::default,
             |worker, (group, results)| {
-                worker.load(&rays, group * GROUP, results.len(), true);
-                let Worker { rays, traversal, order, .. } = worker;
-                for (index, ray) in order.indices().zip(rays.rays().iter()) {
-                    results[index] = self.closest_hit_by(&ray, |hit| accepts(&ray, hit), traversal);
+                worker.load(&rays, group * task, results.len(), self.sorts());
+                let Worker { rays, hits, traversal, order, .. } = worker;
+                hits.clear();
+                self.accelerator().closest_hits(rays.rays(), hits, traversal);
+                for ((index, ray), hit) in order.indices().zip(rays.rays().iter()).zip(hits.iter()) {
+                    results[index] = match hit {
+                        Some(hit) if !accepts(&ray, &hit) => {
+                            self.closest_hit_by(&ray, |hit| accepts(&ray, hit), traversal)
+                        }
+                        accepted => accepted,
+                    };
                 }
             },
         );
@@ -170,10 +199,11 @@ impl Bvh {
     /// [`Bvh::occluded`] of every ray.
     pub fn par_are_occluded(&self, rays: impl RayList) -> Vec<bool> {
         let mut results = vec![false; rays.len()];
-        results.par_chunks_mut(GROUP).enumerate().for_each_init(
+        let task = rays_of_task(&rays);
+        results.par_chunks_mut(task).enumerate().for_each_init(
             Worker::default,
             |worker, (group, results)| {
-                worker.load(&rays, group * GROUP, results.len(), self.sorts());
+                worker.load(&rays, group * task, results.len(), self.sorts());
                 let Worker { rays, occluded, traversal, order, .. } = worker;
                 occluded.clear();
                 self.accelerator().are_occluded(rays.rays(), occluded, traversal);
@@ -332,7 +362,7 @@ impl Bvh {
     /// [`Bvh::contains`] of every point.
     pub fn par_contains(&self, points: &[impl Point]) -> Vec<Containment> {
         let points = &*Point::all(points);
-        let rule = self.closedness().rule();
+        let rule = self.inside_rule();
         if rule == InsideRule::Vote {
             let single = |point, traversal: &mut Traversal| Some(self.contains(point, traversal));
             return self.of_points(points, single).into_iter().flatten().collect();
@@ -344,7 +374,7 @@ impl Bvh {
     /// [`Bvh::generalised_winding_number`] of every point.
     pub fn par_generalised_winding_numbers(&self, points: &[impl Point], beta: f64) -> Vec<WindingNumber> {
         let points = &*Point::all(points);
-        if self.closedness().is_closed() {
+        if self.inside_rule() == InsideRule::Crossings {
             let exact = |(&point, number)| WindingNumber::exact(point, number);
             return points.iter().zip(self.par_winding_numbers(points)).map(exact).collect();
         }
@@ -465,6 +495,17 @@ impl Order {
             }
             *key |= u64::from(place) << 32;
         }
+        self.keys.sort_unstable();
+    }
+
+    /// The order of rays of a picture, at these indices of it, by tiles.
+    fn fill_tiles(&mut self, rays: Range<usize>, width: usize) {
+        self.keys.clear();
+        self.keys.extend((0..).zip(rays).map(|(index, ray): (u64, usize)| {
+            let (x, y) = (ray % width, ray / width);
+            let tile = y / TILE * width.div_ceil(TILE) + x / TILE;
+            ((tile * TILE + y % TILE) as u64) << 32 | index
+        }));
         self.keys.sort_unstable();
     }
 

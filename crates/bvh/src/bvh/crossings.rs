@@ -5,6 +5,8 @@ use std::mem::take;
 use crate::threads::*;
 use glam::DVec3;
 
+use super::open_edges::Unbalanced;
+use super::splitmix64::splitmix64;
 use super::{Bvh, Primitive, Shapes, Traversal, WindingNumber};
 use crate::geometry::{
     LineTest, Point, Precision, PrimId, Ray, Rays, Side, Stored, Triangle, order_of_crossings,
@@ -69,11 +71,7 @@ impl Closedness {
 
     /// What decides whether a point is inside of this surface.
     pub fn rule(&self) -> InsideRule {
-        match self {
-            Closedness { unbalanced_edges: 0, .. } => InsideRule::Crossings,
-            Closedness { inconsistent_edges: 0, .. } => InsideRule::GeneralisedWindingNumber,
-            _ => InsideRule::Vote,
-        }
+        Unbalanced { edges: self.unbalanced_edges, inconsistent: self.inconsistent_edges }.rule()
     }
 }
 
@@ -184,7 +182,7 @@ impl Bvh {
     /// of certainty. The first call after building takes as long as [`Bvh::closedness`] and, for an open surface,
     /// [`Bvh::generalised_winding_number`].
     pub fn contains(&self, point: impl Point, traversal: &mut Traversal) -> Containment {
-        let (point, rule) = (point.to_dvec3(), self.closedness().rule());
+        let (point, rule) = (point.to_dvec3(), self.inside_rule());
         if rule == InsideRule::Vote {
             // Winding numbers are odd where the number of crossings is.
             let [x, y, z] = CONTAINS_DIRECTION.to_array();
@@ -208,15 +206,14 @@ impl Bvh {
         point: impl Point,
         traversal: &mut Traversal,
     ) -> Result<bool, NotClosed> {
-        let closedness = self.closedness();
-        if !closedness.is_closed() {
-            return Err(NotClosed(closedness));
+        if self.inside_rule() != InsideRule::Crossings {
+            return Err(NotClosed(self.closedness()));
         }
         Ok(self.contains(point, traversal).is_inside)
     }
 
     /// The edges of the triangles that keep the surface from being closed. Computed at the first call after building or
-    /// [`Bvh::update`], in O(n log n) time and some 250 bytes of memory per triangle.
+    /// [`Bvh::update`], in O(n log n) time.
     pub fn closedness(&self) -> Closedness {
         if let Some(known) = self.closedness.get() {
             return *known;
@@ -308,40 +305,61 @@ pub(super) fn in_order(
 }
 
 /// A vertex that is compared by the bits of its coordinates.
-type Vertex = [u64; 3];
+pub(super) type Vertex = [u64; 3];
+
+pub(super) fn vertex_of(position: DVec3) -> Vertex {
+    // -0 + 0 is 0.
+    position.to_array().map(|x| (x + 0.0).to_bits())
+}
+
+/// About the most edges that are sorted together: fewer take less memory, but every primitive is visited for each part.
+const EDGES: usize = 1 << 20;
 
 fn closedness(bvh: &Bvh) -> Closedness {
-    let mut open = bvh.own_shapes().map_or(0, Shapes::open);
-    let mut triangles: Vec<(PrimId, [Vertex; 3])> = Vec::new();
-    bvh.each_oriented(|prim, primitive| match primitive {
-        Primitive::Triangle(Triangle(corners)) => {
-            // -0 + 0 is 0.
-            let [a, b, c] = corners.map(|corner| corner.to_array().map(|x| (x + 0.0).to_bits()));
-            if a != b && b != c && c != a {
-                triangles.push((prim, [a, b, c]));
-            }
-        }
-        Primitive::Analytic(shape) => open += usize::from(!shape.is_closed()),
-    });
-    triangles.par_sort_unstable_by_key(|(prim, _)| *prim);
-    triangles.dedup_by_key(|(prim, _)| *prim);
-    let mut edges: Vec<([Vertex; 2], bool)> = triangles
-        .par_iter()
-        .flat_map_iter(|(_, [a, b, c])| [[*a, *b], [*b, *c], [*c, *a]])
-        .map(|[from, to]| ([from.min(to), from.max(to)], from < to))
-        .collect();
-    drop(triangles);
-    edges.par_sort_unstable();
+    let open = bvh.own_shapes().map_or(0, Shapes::open);
     let mut closedness = Closedness { boundary_edges: open, unbalanced_edges: open, ..Closedness::default() };
-    for uses in edges.chunk_by(|a, b| a.0 == b.0) {
-        let forward = uses.iter().filter(|(_, is_forward)| *is_forward).count();
-        closedness.boundary_edges += usize::from(uses.len() == 1);
-        closedness.non_manifold_edges += usize::from(uses.len() > 2);
-        let excess = uses.len().abs_diff(2 * forward);
-        closedness.unbalanced_edges += usize::from(excess > 0);
-        closedness.inconsistent_edges += usize::from(excess > 1);
+    let parts = (3 * bvh.ids() as usize).div_ceil(EDGES).max(1) as u64;
+    let mut edges: Vec<([Vertex; 2], bool)> = Vec::new();
+    for part in 0..parts {
+        // Of split triangles, which are in several slots, the first one counts.
+        let mut is_known = vec![false; bvh.ids() as usize];
+        edges.clear();
+        bvh.each_oriented(|prim, primitive| {
+            if std::mem::replace(&mut is_known[prim.0 as usize], true) {
+                return;
+            }
+            match primitive {
+                Primitive::Triangle(Triangle(corners)) => {
+                    let [a, b, c] = corners.map(vertex_of);
+                    if a != b && b != c && c != a {
+                        let ends = [[a, b], [b, c], [c, a]]
+                            .map(|[from, to]| ([from.min(to), from.max(to)], from < to));
+                        edges.extend(ends.into_iter().filter(|(ends, _)| part_of(ends[0], parts) == part));
+                    }
+                }
+                Primitive::Analytic(shape) => {
+                    let open = usize::from(part == 0 && !shape.is_closed());
+                    closedness.boundary_edges += open;
+                    closedness.unbalanced_edges += open;
+                }
+            }
+        });
+        edges.par_sort_unstable();
+        for uses in edges.chunk_by(|a, b| a.0 == b.0) {
+            let forward = uses.iter().filter(|(_, is_forward)| *is_forward).count();
+            closedness.boundary_edges += usize::from(uses.len() == 1);
+            closedness.non_manifold_edges += usize::from(uses.len() > 2);
+            let excess = uses.len().abs_diff(2 * forward);
+            closedness.unbalanced_edges += usize::from(excess > 0);
+            closedness.inconsistent_edges += usize::from(excess > 1);
+        }
     }
     closedness
+}
+
+/// The part of edges that one with this vertex is in.
+fn part_of(vertex: Vertex, parts: u64) -> u64 {
+    if parts == 1 { 0 } else { vertex.into_iter().fold(0, |hash, bits| splitmix64(hash ^ bits)) % parts }
 }
 
 #[cfg(test)]

@@ -21,6 +21,7 @@ mod instances;
 mod layered;
 mod lists;
 mod nearby;
+mod open_edges;
 mod placed_meshes;
 mod preset;
 mod quality;

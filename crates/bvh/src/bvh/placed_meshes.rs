@@ -5,6 +5,7 @@ use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 use super::instances::{MeshBvh, can_be_instance};
+use super::open_edges::Part;
 use super::{
     Bvh, Instance, InvalidMesh, Layout, MeshSpace, NotFinite, Preset, Primitive, Slot, build, over_instances,
 };
@@ -17,12 +18,52 @@ pub(super) struct InstanceTable {
     firsts: Vec<u32>,
     /// Their meshes, for the next [`Bvh::set_instances`].
     built: Vec<Arc<MeshBvh>>,
+    /// `None` where other triangles are turned over than those of mirrored meshes ([`Bvh::set_clockwise`]).
+    parts: Option<Vec<Part>>,
 }
 
 impl InstanceTable {
     /// The number of ids; `None` without instances.
     pub(super) fn ids(&self) -> Option<u32> {
         self.firsts.last().copied()
+    }
+
+    /// The instances; `None` of a structure over primitives.
+    pub(super) fn parts(&self) -> Option<&[Part]> {
+        self.parts.as_deref()
+    }
+
+    /// To be called where triangles are turned over.
+    pub(super) fn forget_parts(&mut self) {
+        self.parts = None;
+    }
+
+    /// Those of new instances, with what is known of their meshes and, of instances that have not moved, of their
+    /// surfaces.
+    fn parts_of(&self, placed: &[Placed]) -> Vec<Part> {
+        let position = |placed: &Placed| {
+            let (linear, offset) = placed.placement.as_one();
+            (
+                Arc::as_ptr(&placed.mesh),
+                linear.to_cols_array().map(f64::to_bits),
+                offset.to_array().map(f64::to_bits),
+            )
+        };
+        let before = || self.parts.iter().flatten();
+        let expanded = before().filter(|part| part.expansions.get().is_some());
+        let expanded: HashMap<_, _> = expanded.map(|part| (position(&part.placed), part)).collect();
+        let of_mesh = before().map(|part| (Arc::as_ptr(&part.placed.mesh), part.open_edges.clone()));
+        let mut of_mesh: HashMap<_, _> = of_mesh.collect();
+        let part = |placed: &Placed| {
+            let same = (!expanded.is_empty()).then(|| expanded.get(&position(placed))).flatten();
+            let same = same.filter(|part| part.placed.placement == placed.placement);
+            Part {
+                placed: placed.clone(),
+                open_edges: of_mesh.entry(Arc::as_ptr(&placed.mesh)).or_default().clone(),
+                expansions: same.map(|part| part.expansions.clone()).unwrap_or_default(),
+            }
+        };
+        placed.iter().map(part).collect()
     }
 }
 
@@ -49,9 +90,9 @@ impl Bvh {
     }
 
     /// Replaces all instances, or primitives. Meshes that are placed before and after (the same [`Arc`]) keep their
-    /// trees: moving instances, and adding or removing some, builds the tree over the instances only. What is computed
-    /// of the whole surface ([`Bvh::closedness`], generalised winding numbers) is computed again when it is needed. On
-    /// an error nothing changes.
+    /// trees: moving instances, and adding or removing some, builds the tree over the instances only. Which edges of a
+    /// mesh are open is kept, too, as are expansions for generalised winding numbers of instances that do not move.
+    /// [`Bvh::closedness`] is computed again when it is needed. On an error nothing changes.
     ///
     /// # Errors
     /// As those of [`Bvh::from_instances`].
@@ -102,12 +143,13 @@ impl Bvh {
         let mut replaced = Bvh {
             accelerator: accelerator.into(),
             has_slot: Vec::new(),
-            instances: InstanceTable { firsts, built },
+            instances: InstanceTable { firsts, built, parts: None },
             ..self.clone()
         };
         replaced.set_user_geometry(self.user_geometries().cloned())?;
         // Also clears what is known of the surface.
         replaced.set_clockwise(sides(placed));
+        replaced.instances.parts = Some(self.instances.parts_of(placed));
         *self = replaced;
         Ok(())
     }
@@ -233,10 +275,18 @@ mod tests {
         (hit.t.to_bits(), hit.prim, hit.barycentrics.map(f64::to_bits))
     }
 
-    /// All queries of two structures, by tens of rays, points and boxes.
-    fn check_equal(these: &Bvh, those: &Bvh, seed: u64, is_strict: bool) {
+    /// All queries of two structures, by tens of rays, points and boxes. Expansions are of the same parts, or those of
+    /// `those` are of the triangles of all.
+    fn check_equal(these: &Bvh, those: &Bvh, seed: u64, is_strict: bool, has_same_parts: bool) {
         let traversal = &mut Traversal::default();
-        assert_eq!(these.closedness(), those.closedness());
+        let closedness = those.closedness();
+        assert_eq!(these.closedness(), closedness);
+        for bvh in [these, those] {
+            assert_eq!(
+                (bvh.inside_rule(), bvh.unbalanced_edges()),
+                (closedness.rule(), closedness.unbalanced_edges)
+            );
+        }
         for k in 0..40 {
             let seed = 1000 * seed + 7 * k;
             let (from, q) = (3.0 * vector(seed), 2.5 * vector(seed + 1));
@@ -252,7 +302,19 @@ mod tests {
                 assert_eq!(a, b);
             }
             assert_eq!(these.crossings(&ray, traversal), those.crossings(&ray, traversal));
-            assert_eq!(these.contains(q, traversal), those.contains(q, traversal));
+            let [a, b] = [these, those].map(|bvh| bvh.contains(q, &mut Traversal::default()));
+            assert!(if has_same_parts {
+                a == b
+            } else {
+                a.is_inside == b.is_inside || a.margin.max(b.margin) <= 0.0
+            });
+            for beta in [1.0, 2.0, f64::INFINITY] {
+                let [a, b] = [these, those]
+                    .map(|bvh| bvh.generalised_winding_number(q, beta, &mut Traversal::default()));
+                let is_equal =
+                    if has_same_parts { a == b } else { (a.value - b.value).abs() <= a.error + b.error };
+                assert!(is_equal, "{a:?} {b:?}");
+            }
             assert_eq!(these.winding_number(q, traversal), those.winding_number(q, traversal));
             for limit in [f64::INFINITY, 0.3] {
                 let closest = [these, those].map(|bvh| {
@@ -297,11 +359,71 @@ mod tests {
                 let fresh = Bvh::from_instances(&placed, Preset::default(), numerics).expect("finite");
                 let mut copies = Bvh::with(copied(&placed), Preset::default(), numerics).expect("finite");
                 copies.set_clockwise(sides(&placed));
-                check_equal(&bvh, &fresh, seed, true);
-                check_equal(&bvh, &copies, seed, numerics != Numerics::Fast);
+                check_equal(&bvh, &fresh, seed, true, true);
+                check_equal(&bvh, &copies, seed, numerics != Numerics::Fast, false);
                 counts[usize::from(bvh.accelerator().describe().layout == "instances")] += 1;
             }
             assert!(counts[1] > 15, "{counts:?}");
+        }
+    }
+
+    /// Two halves of a tetrahedron, each open, are closed where they meet; a mirrored one is turned over.
+    #[test]
+    fn open_parts_close_each_other() {
+        let corners = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+        let lower = mesh(corners.clone(), vec![[0, 2, 1], [0, 1, 3]]);
+        let upper = mesh(corners.iter().map(|p| *p - DVec3::ONE).collect(), vec![[0, 3, 2], [1, 2, 3]]);
+        let halves = |offset: f64, scale: f64| {
+            let place = |mesh: &Arc<Mesh>, by| {
+                let map = DMat4::from_scale(DVec3::new(scale, 1.0, 1.0)) * DMat4::from_translation(by);
+                Placed::new(mesh.clone(), Placement::new(map))
+            };
+            [place(&lower, DVec3::ZERO), place(&upper, DVec3::ONE + DVec3::X * offset)]
+        };
+        let inside = DVec3::new(0.1, 0.2, 0.3);
+        for numerics in Numerics::ALL {
+            let mut bvh =
+                Bvh::from_instances(&halves(0.0, 1.0), Preset::default(), numerics).expect("finite");
+            for scale in [1.0, -1.0] {
+                // Each has four open edges.
+                for (offset, expected) in [(2.0, 8), (0.0, 0), (0.25, 8)] {
+                    bvh.set_instances(&halves(offset, scale)).expect("finite");
+                    assert_eq!(
+                        (bvh.unbalanced_edges(), bvh.closedness().unbalanced_edges),
+                        (expected, expected)
+                    );
+                }
+                bvh.set_instances(&halves(0.0, scale)).expect("finite");
+                let q = inside * DVec3::new(scale, 1.0, 1.0);
+                let number = bvh.generalised_winding_number(q, 1.0, &mut Traversal::default());
+                assert_eq!((number.value, number.error), (1.0, 0.0));
+            }
+        }
+    }
+
+    /// The expansions of parts that have not moved are kept, in any order, as are the open edges of a mesh.
+    #[test]
+    fn what_is_known_of_parts_is_kept() {
+        let meshes = meshes();
+        let mut placed: Vec<Placed> =
+            (0..20).map(|i| Placed::new(meshes[i % 3].clone(), placement(50 + 10 * i as u64))).collect();
+        let mut bvh = Bvh::from_instances(&placed, Preset::default(), Numerics::Double).expect("finite");
+        let addresses = |bvh: &Bvh| {
+            let parts = bvh.instances.parts().expect("instances").iter();
+            parts
+                .map(|part| {
+                    [Arc::as_ptr(&part.expansions).cast::<()>(), Arc::as_ptr(&part.open_edges).cast()]
+                })
+                .collect::<Vec<_>>()
+        };
+        bvh.generalised_winding_number([0.1; 3], 1.0, &mut Traversal::default());
+        let mut before = addresses(&bvh);
+        placed[7].placement = placement(9);
+        placed.swap(2, 11);
+        before.swap(2, 11);
+        bvh.set_instances(&placed).expect("finite");
+        for (index, (before, after)) in before.into_iter().zip(addresses(&bvh)).enumerate() {
+            assert_eq!([before[0] == after[0], before[1] == after[1]], [index != 7, true], "{index}");
         }
     }
 

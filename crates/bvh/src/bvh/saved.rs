@@ -295,10 +295,20 @@ fn load<T: Tier>(header: &Header, mut reader: Reader) -> Result<Bvh> {
         wide.batch = SmallLeafBatch::new(&wide);
     }
     let accelerator: Arc<dyn Accelerator> = Arc::new(wide);
-    let (closedness, expansions) = (OnceLock::new(), OnceLock::new());
+    let (closedness, unbalanced, expansions) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
     let instances = InstanceTable::default();
     let numerics = T::NUMERICS;
-    Ok(Bvh { accelerator, layout, numerics, has_slot, instances, clockwise, closedness, expansions })
+    Ok(Bvh {
+        accelerator,
+        layout,
+        numerics,
+        has_slot,
+        instances,
+        clockwise,
+        closedness,
+        unbalanced,
+        expansions,
+    })
 }
 
 /// Checks that every reference of a tree is to something that exists, every node but the first is the child of one node

@@ -40,7 +40,7 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::crossings::{CONTAINS_DIRECTION, winding_ray};
-use super::{Bvh, Traversal};
+use super::{Bvh, InsideRule, Primitive, Traversal};
 use crate::geometry::Point;
 use crate::geometry::simd::InstructionSet;
 pub(super) use expansions::Expansions;
@@ -94,7 +94,7 @@ impl Bvh {
         traversal: &mut Traversal,
     ) -> WindingNumber {
         let point = point.to_dvec3();
-        if self.closedness().is_closed() {
+        if self.inside_rule() == InsideRule::Crossings {
             return WindingNumber::exact(point, self.winding_number(point, traversal));
         }
         let mut number = WindingNumber { value: 0.0, error: 0.0 };
@@ -121,12 +121,23 @@ impl Bvh {
     }
 
     /// The expansions of the surface.
-    pub(super) fn expansions(&self) -> &Expansions {
+    pub(super) fn expansions(&self) -> &Arc<Expansions> {
         if let Some(known) = self.expansions.get() {
             return known;
         }
         // Not while the cell is locked: see `Bvh::closedness`.
-        let found = Expansions::new(self);
+        let found = match self.instances.parts() {
+            Some(parts) => Expansions::of_parts(parts.iter().map(|part| part.expansions(self.numerics))),
+            None => Expansions::new(self.oriented_primitives()),
+        };
         self.expansions.get_or_init(|| Arc::new(found))
+    }
+
+    /// Every primitive once, in the order of ids.
+    fn oriented_primitives(&self) -> Vec<Primitive> {
+        // A split triangle is in several slots.
+        let mut found = vec![None; self.ids() as usize];
+        self.each_oriented(|prim, primitive| found[prim.0 as usize] = Some(primitive));
+        found.into_iter().flatten().collect()
     }
 }

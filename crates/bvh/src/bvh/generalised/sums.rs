@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 
 use super::WindingNumber;
-use super::expansions::{Expansions, Node, SLACK, U};
+use super::expansions::{Content, Expansions, Node, SLACK, U};
 use crate::bvh::Primitive;
 use crate::bvh::crossings::{CONTAINS_DIRECTION, winding_ray};
 use crate::geometry::simd::{Doubles, InstructionSet, Simd, Vector, with_simd};
@@ -18,7 +18,7 @@ impl Expansions {
         points: &[DVec3],
         beta: f64,
         instructions: InstructionSet,
-        stack: &mut Vec<(u32, u32)>,
+        stack: &mut Waiting,
         set: &mut dyn FnMut(usize, WindingNumber),
     ) {
         with_simd!(instructions, simd => self.evaluate_by(simd, points, beta, stack, set));
@@ -32,7 +32,7 @@ impl Expansions {
         simd: S,
         points: &[DVec3],
         beta: f64,
-        stack: &mut Vec<(u32, u32)>,
+        stack: &mut Waiting,
         set: &mut dyn FnMut(usize, WindingNumber),
     ) {
         let unknown = WindingNumber { value: 0.0, error: f64::INFINITY };
@@ -59,7 +59,7 @@ impl Expansions {
         point: impl Fn(usize) -> DVec3,
         lanes: u32,
         beta: f64,
-        stack: &mut Vec<(u32, u32)>,
+        stack: &mut Waiting,
     ) -> Sums<D> {
         let q = [0, 1, 2].map(
             #[inline(always)]
@@ -68,33 +68,50 @@ impl Expansions {
         let beta_squared = beta.max(1.0) * beta.max(1.0);
         let mut sums = Sums::new();
         stack.clear();
-        stack.extend((lanes != 0 && !self.nodes.is_empty()).then_some((0, lanes)));
-        while let Some((index, lanes)) = stack.pop() {
-            let node = &self.nodes[index as usize];
+        stack.extend((lanes != 0 && !self.nodes.is_empty()).then_some((WHOLE, 0, lanes)));
+        while let Some((part, index, lanes)) = stack.pop() {
+            let tree = match &self.content {
+                Content::Parts(parts) if part != WHOLE => &*parts[part as usize],
+                _ => self,
+            };
+            let node = &tree.nodes[index as usize];
             let r = minus(node.centre, &q);
             let square = dot(&r, &r);
             let expanded = D::splat(beta_squared * node.reach_squared).lt(square) & lanes;
             if expanded != 0 {
-                sums.add_node(node, &r, square, expanded);
+                // The sum has more terms than those of this tree.
+                let share = (512 + self.count) as f64 / (512 + tree.count) as f64;
+                sums.add_node(node, &r, square, share, expanded);
             }
             let lanes = lanes & !expanded;
             if lanes == 0 {
                 continue;
             }
             if node.second != 0 {
-                stack.extend([(node.second, lanes), (index + 1, lanes)]);
+                stack.extend([(part, node.second, lanes), (part, index + 1, lanes)]);
                 continue;
             }
-            for primitive in &self.primitives[node.first as usize..node.end as usize] {
-                match primitive {
-                    Primitive::Triangle(Triangle(corners)) => sums.add_triangle(corners, &q, lanes),
-                    Primitive::Analytic(shape) => sums.add_shape(shape, &point, lanes),
+            match &tree.content {
+                Content::Parts(_) => stack.push((node.first, 0, lanes)),
+                Content::Primitives(primitives) => {
+                    for primitive in &primitives[node.first as usize..node.end as usize] {
+                        match primitive {
+                            Primitive::Triangle(Triangle(corners)) => sums.add_triangle(corners, &q, lanes),
+                            Primitive::Analytic(shape) => sums.add_shape(shape, &point, lanes),
+                        }
+                    }
                 }
             }
         }
         sums
     }
 }
+
+/// The index of the tree over all parts on the stack, where those of parts are theirs.
+const WHOLE: u32 = u32::MAX;
+
+/// Nodes that wait: the tree that each is of, its index there, and the lanes that it is for.
+pub(in crate::bvh) type Waiting = Vec<(u32, u32, u32)>;
 
 /// What is added up for a point in each lane.
 struct Sums<D> {
@@ -141,9 +158,9 @@ impl<D: Doubles> Sums<D> {
         WindingNumber { value: value + (im.atan2(re) / TAU + turns), error: error * SLACK + 16.0 * U }
     }
 
-    /// Adds the expansion of a node, whose centre is at r from the points in `lanes`.
+    /// Adds the expansion of a node, whose centre is at r from the points in `lanes`. `share` multiplies its rounding.
     #[inline(always)]
-    fn add_node(&mut self, node: &Node, r: &[D; 3], square: D, lanes: u32) {
+    fn add_node(&mut self, node: &Node, r: &[D; 3], square: D, share: f64, lanes: u32) {
         let s = D::splat;
         let inverse = s(1.0) / square.sqrt();
         let [x, y, z] = [r[0] * inverse, r[1] * inverse, r[2] * inverse];
@@ -165,7 +182,7 @@ impl<D: Doubles> Sums<D> {
             + z * (s(txxz) * (three * xx - zz) + s(tyyz) * (three * yy - zz) + s(6.0 * txyz) * (x * y));
         let t_squared = t * t;
         let value = t_squared * (vector + t * (matrix + t * tensor));
-        let error = t_squared * (s(node.rounding) + t * t_squared * s(node.truncation));
+        let error = t_squared * (s(node.rounding * share) + t * t_squared * s(node.truncation));
         self.value = D::select(lanes, self.value + value, self.value);
         self.error = D::select(lanes, self.error + error, self.error);
     }
