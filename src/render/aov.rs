@@ -2,7 +2,7 @@
 //! more channels.
 //!
 //! Geometric AOVs come from the closest hit of the ray through each pixel's centre, unfiltered, whatever samples the
-//! picture takes; an added ground is background there. Albedo, normal and coverage are means over the pixel's samples
+//! picture takes; an added ground is background there. Albedo, shading normal and coverage are means over the pixel's samples
 //! ([`super::features`]). The channels of an effect are the difference of two pictures: one with the effects up to this
 //! one in the plan's order, and one with those before it. So the base and all effects add up to the picture.
 
@@ -61,6 +61,8 @@ pub const EFFECTS: &str = "effects";
 /// What [`EFFECTS`] is.
 pub const EFFECTS_SUMMARY: &str = "the picture without effects, and what each effect adds to those before it";
 
+const SHADING_NORMAL: &str = "shading-normal";
+
 /// The names of the AOVs of surfaces behind mirrors and glass.
 const DENOISING: [&str; 2] = ["denoising-albedo", "denoising-normal"];
 
@@ -96,20 +98,20 @@ pub const AOVS: &[Aov] = &[
     },
     Aov {
         name: "normal",
-        summary: "shading normal towards the camera, mean of the samples; 0 for the background",
-        channels: &["Normal.X", "Normal.Y", "Normal.Z"],
-        has_integers: false,
-        write: |tile, out| write(out, &tile.features, |features| features.first[1]),
-    },
-    Aov {
-        name: "geometric-normal",
         summary: "unit normal of the triangle or shape, towards the camera; 0 for the background",
-        channels: &["GeometricNormal.X", "GeometricNormal.Y", "GeometricNormal.Z"],
+        channels: &["Normal.X", "Normal.Y", "Normal.Z"],
         has_integers: false,
         write: |tile, out| {
             let world = tile.source.world;
             tile.write_hits(out, [0.0; 3], |ray, hit| world.geometric_normal(ray, hit).as_vec3().to_array());
         },
+    },
+    Aov {
+        name: SHADING_NORMAL,
+        summary: "shading normal towards the camera, mean of the samples; 0 for the background",
+        channels: &["ShadingNormal.X", "ShadingNormal.Y", "ShadingNormal.Z"],
+        has_integers: false,
+        write: |tile, out| write(out, &tile.features, |features| features.first[1]),
     },
     Aov {
         name: "albedo",
@@ -127,7 +129,7 @@ pub const AOVS: &[Aov] = &[
     },
     Aov {
         name: DENOISING[1],
-        summary: "`normal` of that surface",
+        summary: "`shading-normal` of that surface",
         channels: &["DenoisingNormal.X", "DenoisingNormal.Y", "DenoisingNormal.Z"],
         has_integers: false,
         write: |tile, out| write(out, &tile.features, |features| features.behind_mirrors[1]),
@@ -391,14 +393,13 @@ fn pixel_channels(source: &AovSource, aovs: &[&Aov], control: &RenderControl) ->
 }
 
 /// The AOVs of [`Features`].
-const FILTERED: [&str; 6] = ["albedo", "normal", DENOISING[0], DENOISING[1], MATTES[0], MATTES[1]];
+const FILTERED: [&str; 6] = ["albedo", SHADING_NORMAL, DENOISING[0], DENOISING[1], MATTES[0], MATTES[1]];
 
 /// The AOVs of [`Matte`].
 const MATTES: [&str; 2] = [Matte::Objects.aov(), Matte::Materials.aov()];
 
 /// The AOVs of the hit through each pixel's centre.
-const OF_HITS: [&str; 7] =
-    ["depth", "distance", "position", "geometric-normal", "object", "material", "primitive"];
+const OF_HITS: [&str; 7] = ["depth", "distance", "position", "normal", "object", "material", "primitive"];
 
 fn has(aovs: &[&Aov], names: &[&str]) -> bool {
     aovs.iter().any(|aov| names.contains(&aov.name))

@@ -24,7 +24,7 @@ def layer(name, letters):
     return numpy.stack([channels[f"{name}.{letter}"] for letter in letters], axis=-1)
 
 
-position, normal, flat = layer("Position", "XYZ"), layer("Normal", "XYZ"), layer("GeometricNormal", "XYZ")
+position, normal, flat = layer("Position", "XYZ"), layer("ShadingNormal", "XYZ"), layer("Normal", "XYZ")
 depth, distance, thing = channels["Z"], channels["Distance.X"], channels["Object.X"]
 assert numpy.array_equal(depth, channels["Depth.Z"]) and spec.z_channel == spec.channelnames.index("Z")
 hit = thing >= 0

@@ -90,10 +90,7 @@ fn values_are_those_of_the_rays() {
             assert_eq!(["Depth.Z", "Distance.X"].map(at), [f32::INFINITY; 2]);
             assert_eq!(covering(at), [[0.0; 6]; 2]);
             assert_eq!(["Object.X", "Material.X", "Primitive.X"].map(at), [-1.0; 3]);
-            assert_eq!(
-                ["Position", "Normal", "GeometricNormal"].map(|layer| three(layer, xyz)),
-                [[0.0; 3]; 3]
-            );
+            assert_eq!(["Position", "ShadingNormal", "Normal"].map(|layer| three(layer, xyz)), [[0.0; 3]; 3]);
             assert_eq!(["Albedo", "DenoisingAlbedo"].map(|layer| three(layer, rgb)), [[0.0; 3]; 2]);
             assert_eq!(three("DenoisingNormal", xyz), [0.0; 3]);
             continue;
@@ -106,10 +103,10 @@ fn values_are_those_of_the_rays() {
         // A single sample covers the pixel.
         assert_eq!(covering(at), [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]; 2]);
         assert_eq!(three("Position", xyz), surface.point.position.as_vec3().to_array());
-        for layer in ["Normal", "DenoisingNormal"] {
+        for layer in ["ShadingNormal", "DenoisingNormal"] {
             assert_eq!(three(layer, xyz), surface.shading_normal.as_vec3().to_array());
         }
-        assert_eq!(three("GeometricNormal", xyz), surface.geometric_normal.as_vec3().to_array());
+        assert_eq!(three("Normal", xyz), surface.geometric_normal.as_vec3().to_array());
         let albedo = base_colour(&prepared.world, &surface, glam::DVec3::ONE);
         for layer in ["Albedo", "DenoisingAlbedo"] {
             assert_eq!(three(layer, rgb), albedo.as_vec3().to_array());
@@ -184,10 +181,11 @@ fn normals_are_those_of_normal_maps_and_filtered() {
         let scene = "[[camera]]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\nprojection = 'orthographic'\n\
                      viewing_rectangle = [48, 36]\nviewpoint_distance = 1\n[[mesh]]\nfile = 'a.obj'\n";
         std::fs::write(file("a.toml"), scene).expect("a scene");
-        let options = ["--samples", "256", "--filter", "box", "--aov", "normal,denoising-normal", "-o"];
+        let options =
+            ["--samples", "256", "--filter", "box", "--aov", "shading-normal,denoising-normal", "-o"];
         kiln(&options).arg(file("a.exr")).arg(file("a.toml")).assert().success();
         let all = channels(&file("a.exr"));
-        for layer in ["Normal", "DenoisingNormal"] {
+        for layer in ["ShadingNormal", "DenoisingNormal"] {
             let normal = ["X", "Y", "Z"].map(|axis| f64::from(all[&format!("{layer}.{axis}")][17 * 48 + 24]));
             let off = glam::DVec3::from(normal) - share * tilted;
             // 256 Sobol points are in 16 columns of 16: at most one column is on the wrong side. Maps have 16 bits.
@@ -223,7 +221,7 @@ fn denoising_aovs_are_of_what_mirrors_and_glass_show() {
         [[triangles]]\nmaterial = 'blue'\nvertices = [[0, -9, -3], [2, -9, -3], [2, 9, -3], [0, 9, -3]]\n\
         indices = [[0, 1, 2], [0, 2, 3]]\n";
     std::fs::write(&scene, text).expect("a scene");
-    let aov = "albedo,normal,denoising-albedo,denoising-normal";
+    let aov = "albedo,shading-normal,denoising-albedo,denoising-normal";
     // By one bounce, too: the walls are the last vertices.
     for depth in ["8", "1"] {
         let options = ["--samples", "4", "--filter", "box", "--aov", aov, "--depth", depth, "-o"];
@@ -245,7 +243,7 @@ fn check_denoising_aovs(all: &BTreeMap<String, Vec<f32>>) {
         let close = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
         let (rgb, xyz) = (["R", "G", "B"], ["X", "Y", "Z"]);
         assert_eq!(three("Albedo", rgb, x), albedo);
-        assert!(close(three("Normal", xyz, x), normal), "{:?}", three("Normal", xyz, x));
+        assert!(close(three("ShadingNormal", xyz, x), normal), "{:?}", three("ShadingNormal", xyz, x));
         assert_eq!(three("DenoisingAlbedo", rgb, x), behind);
         let found = three("DenoisingNormal", xyz, x);
         assert!(close(found, facing), "{found:?}");

@@ -57,7 +57,7 @@ impl DisplayMode {
     pub fn aov(self) -> Option<&'static str> {
         match self {
             DisplayMode::Picture => None,
-            DisplayMode::Normals => Some("normal"),
+            DisplayMode::Normals => Some("shading-normal"),
             DisplayMode::Depth => Some("depth"),
             DisplayMode::Albedo => Some("albedo"),
             DisplayMode::Objects => Some("object"),

@@ -352,7 +352,7 @@ fn all_formats_are_the_same_in_all_ways() {
     let all = files(folder.path());
     let chosen = ["animation.toml", "l.obj", "lit.gltf", "glass.gltf", "path.toml"];
     let chosen = all.iter().filter(|file| chosen.iter().any(|name| file.ends_with(name)));
-    let aovs = ["depth", "normal", "albedo", "samples"].map(str::to_owned);
+    let aovs = ["depth", "normal", "shading-normal", "albedo", "samples"].map(str::to_owned);
     let noise = [("noise", Some("0.02")), ("samples", Some("16"))];
     for file in chosen {
         let mut of_file = None;
