@@ -359,6 +359,17 @@ pub fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool> {
     })
 }
 
+/// Runs `work` in a pool of so many threads; without a number in that of the caller, if it is in one.
+///
+/// # Errors
+/// As [`pool`].
+fn in_pool<R: Send>(threads: Option<u16>, work: impl FnOnce() -> R + Send) -> Result<R> {
+    match threads {
+        None if rayon::current_thread_index().is_some() => Ok(work()),
+        _ => Ok(pool(threads)?.install(work)),
+    }
+}
+
 /// Bytes of a thread's stack: the default of the standard library.
 const STACK: u64 = 2 << 20;
 

@@ -74,7 +74,7 @@ pub fn render(
     warnings: &mut Warnings,
 ) -> Result<Picture> {
     let (selection, settings) = with_aovs(options, aovs)?;
-    super::pool(options.thread_count())?.install(|| {
+    super::in_pool(options.thread_count(), || {
         note_rest_pose(&scene, warnings);
         let (inputs, used) = (files_read(&scene, options), use_of(&scene));
         let session = Session::still(scene)?;
@@ -82,7 +82,7 @@ pub fn render(
         warn_of_unused(options, &resolved.plan_settings, used, warnings);
         let job = session.into_job(&resolved, true, control, warnings)?;
         picture_of(job, inputs, &selection, format, control, warnings)
-    })
+    })?
 }
 
 /// A scene prepared for pictures by many cameras, see [`Session`].
@@ -115,14 +115,14 @@ impl PreparedScene {
         warnings: &mut Warnings,
     ) -> Result<Picture> {
         let (selection, settings) = with_aovs(options, aovs)?;
-        super::pool(options.thread_count())?.install(|| {
+        super::in_pool(options.thread_count(), || {
             let PreparedScene(session) = self;
             note_rest_pose(session.scene(), warnings);
             let resolved = session.resolve(&settings, warnings)?;
             warn_of_unused(options, &resolved.plan_settings, use_of(session.scene()), warnings);
             let job = session.first_job(&resolved, true, control, warnings)?;
             picture_of(job, files_read(session.scene(), options), &selection, format, control, warnings)
-        })
+        })?
     }
 
     /// The AOVs of [`PreparedScene::render`] without its picture: no light is traced for them, but for the AOVs of
@@ -138,7 +138,7 @@ impl PreparedScene {
         warnings: &mut Warnings,
     ) -> Result<Aovs> {
         let (selection, settings) = with_aovs(options, aovs)?;
-        super::pool(options.thread_count())?.install(|| {
+        super::in_pool(options.thread_count(), || {
             let PreparedScene(session) = self;
             note_rest_pose(session.scene(), warnings);
             let resolved = session.resolve_only(&settings, false)?;
@@ -157,7 +157,7 @@ impl PreparedScene {
             check_memory_of(job.window, count, 2 * 4 * count + selection.bytes_per_pixel())?;
             let channels = aov::channels(&job.aov_source(None), &selection, control)?;
             Ok(Aovs { window: job.window, channels })
-        })
+        })?
     }
 }
 
