@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from ._kiln import Aovs, Instances, KilnWarning, Mesh, Picture, __version__
+from ._kiln import Instances, KilnWarning, Mesh, Picture, __version__
 from ._scene import Prepared, Scene, camera_rays, pinhole_rays, render
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ else:
 
 
 __all__ = [
-    "Aovs",
     "Instances",
     "KilnWarning",
     "Mesh",

@@ -22,7 +22,7 @@ from ._results import (
     WindingNumbers,
 )
 
-_Tier: TypeAlias = Literal["fast", "watertight", "double", "exact"]
+_Tier: TypeAlias = Literal["watertight", "double", "exact"]
 _Preset: TypeAlias = Literal["fast-build", "balanced", "best-trace"]
 
 __version__: str
@@ -40,6 +40,12 @@ class Mesh:
     def __len__(self) -> int: ...
     @property
     def tier(self) -> _Tier: ...
+    @property
+    def vertices(self) -> NDArray[np.float64]: ...
+    @property
+    def faces(self) -> NDArray[np.uint32]: ...
+    @property
+    def bounds(self) -> NDArray[np.float64] | None: ...
     def first(
         self,
         origins: ArrayLike,
@@ -172,13 +178,6 @@ class Scene:
     def names(self) -> tuple[list[str], list[str], list[str]]: ...
 
 @final
-class Aovs:
-    @property
-    def aovs(self) -> dict[str, NDArray[np.float32] | NDArray[np.int32]]: ...
-    @property
-    def notes(self) -> list[str]: ...
-
-@final
 class Prepared:
     def __new__(cls, scene: Scene, options: Options) -> Prepared: ...
     def render(
@@ -188,7 +187,7 @@ class Prepared:
         aovs: list[str],
         progress: Callable[[int, int], object] | None,
     ) -> Picture: ...
-    def aovs(self, options: Options, aovs: list[str]) -> Aovs: ...
+    def aovs(self, options: Options, aovs: list[str]) -> dict[str, NDArray[np.float32] | NDArray[np.int32]]: ...
 
 def render(
     scene: Scene,

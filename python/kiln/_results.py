@@ -20,38 +20,44 @@ else:
 class _Located:
     """Attributes that are computed when they are read, from the mesh as it was at the query."""
 
-    def _of(self, name: str) -> Found:
-        found: Found | None = self.__dict__.get("_found")
+    _computed: tuple[str, ...] = ("object", "instance", "primitive", "material")
+
+    def _of(self, name: str, *arguments: NDArray[np.float64]) -> NDArray[Any]:
+        found: Found | dict[str, NDArray[Any]] | None = self.__dict__.get("_found")
         if found is None:
-            what = "only the result of a query has it, no changed or pickled copy"
-            raise AttributeError(f"{type(self).__name__}.{name}: {what}")
-        return found
+            raise AttributeError(f"{type(self).__name__}.{name}: only the result of a query has it, no changed copy")
+        # Of a pickled result they are arrays.
+        value: NDArray[Any] = found[name] if isinstance(found, dict) else getattr(found, name)(*arguments)
+        return value
 
     @property
     def object(self) -> NDArray[np.int64]:
         """Index of the object, as in Scene.objects, or the number that Instances.add returned; 0 in a mesh of arrays, -1
         where there is no triangle."""
-        return self._of("object").object()
+        return self._of("object")
 
     @property
     def instance(self) -> NDArray[np.int64]:
         """Index of the object among the placements of one Scene.add(transforms=...), or of a mesh that a file places
         and the scene stores once, or the number of its copies in Instances that were added before it and not removed; 0
         for other objects, -1 where there is no triangle."""
-        return self._of("instance").instance()
+        return self._of("instance")
 
     @property
     def primitive(self) -> NDArray[np.int64]:
         """Index of the triangle among those of all objects, as in the AOV `primitive`; -1 where there is none."""
-        return self._of("primitive").primitive()
+        return self._of("primitive")
 
     @property
     def material(self) -> NDArray[np.int64]:
         """Index of the material, as in Scene.materials; -1 in a mesh of arrays, and where there is no triangle."""
-        return self._of("material").material()
+        return self._of("material")
 
-    def __getstate__(self) -> None:
-        """Nothing but the arrays is pickled."""
+    def __getstate__(self) -> dict[str, Any]:
+        """What is pickled beside the arrays: what is computed from them and the mesh."""
+        if self.__dict__.get("_found") is None:
+            return {}
+        return {"_found": {name: getattr(self, name) for name in self._computed}}
 
     def __copy__(self) -> _Located:
         return self
@@ -60,6 +66,8 @@ class _Located:
 class _OnSurface(_Located):
     """Attributes of hits that are computed when they are read."""
 
+    _computed = (*_Located._computed, "normal", "shading_normal", "uv")
+
     location: Any
     barycentrics: Any
 
@@ -67,18 +75,18 @@ class _OnSurface(_Located):
     def normal(self) -> NDArray[np.float64]:
         """Unit normal of the triangle, on the side from which its corners run counterclockwise, in a mirrored instance
         clockwise; outwards of a sphere. nan for a triangle without area, and where nothing is hit."""
-        return self._of("normal").normal(self.location)
+        return self._of("normal", self.location)
 
     @property
     def shading_normal(self) -> NDArray[np.float64]:
         """Normal interpolated between those of the vertices, of length 1, on the side of `normal`; `normal` where there
         are none. Without normal maps."""
-        return self._of("shading_normal").shading_normal(self.location, self.barycentrics)
+        return self._of("shading_normal", self.location, self.barycentrics)
 
     @property
     def uv(self) -> NDArray[np.float64]:
         """Texture coordinates of the first set, as in Scene.add: (n, 2), nan where there are none."""
-        return self._of("uv").uv(self.barycentrics)
+        return self._of("uv", self.barycentrics)
 
 
 class _Hits(NamedTuple):

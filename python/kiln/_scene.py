@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, Union, overload
 
 from . import _kiln, _toml
@@ -18,19 +18,18 @@ if TYPE_CHECKING:
 
     from ._kiln import _Preset, _Tier
     from ._options import ReadOptions, RenderOptions, SizedOptions, ViewOptions
-    from ._results import Hits
 
     # Any is a mesh or a scene of trimesh.
     _Source: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | bytes | Mapping[str, Any] | Any
 
 
-def _is_bool(value) -> bool:
+def _is_bool(value: Any) -> bool:
     """Whether a value is a bool of Python or numpy."""
     is_scalar = getattr(value, "ndim", None) == 0
     return isinstance(value, bool) or is_scalar and value.dtype.kind == "b"
 
 
-def _text(value, name: str) -> str:
+def _text(value: Any, name: str) -> str:
     if getattr(value, "ndim", None) == 0:
         value = value.item()
     if isinstance(value, (str, os.PathLike)):
@@ -45,7 +44,7 @@ def _text(value, name: str) -> str:
 def _options(options: Mapping[str, Any]) -> list[tuple[str, bool | list[str] | None]]:
     """Options as their names and the texts of their values."""
 
-    def texts(name, value):
+    def texts(name: str, value: Any) -> bool | list[str] | None:
         if value is None:
             return None
         if _is_bool(value):
@@ -66,14 +65,15 @@ def _dtype(given: Any) -> str:
     from numpy import dtype  # importing kiln does not import numpy
 
     try:
-        return dtype(given).name
+        name: str = dtype(given).name
+        return name
     except Exception:  # of a type that depends on what is given
         if isinstance(given, str):
             raise ValueError(f"dtype: {given!a} is neither uint8 nor float32") from None
         raise TypeError(f"dtype: expected a type of numpy or its name, not {type(given).__name__}") from None
 
 
-def _files(source) -> list[str | os.PathLike[str]]:
+def _files(source: Any) -> list[str | os.PathLike[str]]:
     """The files of a source that is one or several."""
     files = [source] if isinstance(source, (str, os.PathLike)) else source
     wrong = type(source).__name__
@@ -195,7 +195,7 @@ class Scene:
     def __copy__(self) -> Scene:
         return Scene(self)
 
-    def __deepcopy__(self, _memo) -> Scene:
+    def __deepcopy__(self, _memo: Any) -> Scene:
         return Scene(self)
 
     def __len__(self) -> int:
@@ -310,7 +310,6 @@ class Prepared:
         self._scene = _kiln.Scene(source._scene) if isinstance(source, Scene) else _load(source, options, True)
         self._options = options
         self._prepared = _kiln.Prepared(self._scene, self._parsed({}))
-        self._mesh: _kiln.Mesh | None = None
 
     def render(
         self,
@@ -341,7 +340,7 @@ class Prepared:
         picture: Literal[False] = False,
         progress: Callable[[int, int], None] | None = None,
         **options: Unpack[ViewOptions],
-    ) -> list[_kiln.Aovs]: ...
+    ) -> Iterator[dict[str, NDArray[np.float32] | NDArray[np.int32]]]: ...
     @overload
     def render_many(
         self,
@@ -353,51 +352,51 @@ class Prepared:
         picture: Literal[True],
         progress: Callable[[int, int], None] | None = None,
         **options: Unpack[ViewOptions],
-    ) -> list[_kiln.Picture]: ...
-    def render_many(self, cameras, *, size, samples=None, aovs=(), picture=False, progress=None, **options):
-        """Renders a picture by each camera: the AOVs alone, `.aovs[name]`, or with `picture` a Picture.
+    ) -> Iterator[_kiln.Picture]: ...
+    def render_many(
+        self,
+        cameras: Iterable[Camera | None],
+        *,
+        size: tuple[int, int],
+        samples: int | None = None,
+        aovs: str | Sequence[str] = (),
+        picture: bool = False,
+        progress: Callable[[int, int], None] | None = None,
+        **options: Unpack[ViewOptions],
+    ) -> Iterator[Any]:
+        """An iterator over pictures by each camera, rendered as it advances: a dict of AOVs by name, as those of a
+        Picture; with `picture` a Picture.
 
         cameras: as for render(). size: width and height in pixels. samples: 1 if neither this nor the options of the
         scene give another number. aovs: the names of arrays, such as "depth" and "object". progress: called with the
         number of finished pictures and of all.
         """
         _check_progress(progress)
-        cameras, names = list(cameras), _aov_names(aovs)
-        if samples is None:
-            samples = self._options.get("samples", 1)
-        options = self._parsed({"size": size, "samples": samples, **options})
-        pictures = []
-        for camera in cameras:
-            parsed = _with_camera(options, camera)
-            pictures.append(
-                self._prepared.render(parsed, "uint8", names, None) if picture else self._prepared.aovs(parsed, names)
-            )
+        number: Any = self._options.get("samples", 1) if samples is None else samples
+        parsed, names = self._parsed({"size": size, "samples": number, **options}), _aov_names(aovs)
+        return self._rendered([_with_camera(parsed, camera) for camera in cameras], names, picture, progress)
+
+    def _rendered(
+        self,
+        options: list[_kiln.Options],
+        aovs: list[str],
+        picture: bool,
+        progress: Callable[[int, int], None] | None,
+    ) -> Iterator[Any]:
+        for done, parsed in enumerate(options, 1):
+            result: Any
+            if picture:
+                result = self._prepared.render(parsed, "uint8", aovs, None)
+            else:
+                result = self._prepared.aovs(parsed, aovs)
             if progress is not None:
-                progress(len(pictures), len(cameras))
-        return pictures
+                progress(done, len(options))
+            yield result
 
     @property
     def objects(self) -> list[str]:
         """The names of the objects, by the indices of the AOV `object`."""
         return self._scene.names()[2]
-
-    def first(
-        self,
-        origins: ArrayLike,
-        directions: ArrayLike,
-        max_distance: ArrayLike | None = None,
-        *,
-        objects: ArrayLike | None = None,
-        cull_back_faces: bool = False,
-        alpha: bool = False,
-    ) -> Hits:
-        """The closest hits of rays in the scene's coordinates, as Mesh.first() returns them, in tier `double`; pictures
-        have that of the option `numerics`. The tree for them is built at the first call."""
-        if self._mesh is None:
-            self._mesh = self._scene.mesh("double", "balanced")
-        return self._mesh.first(
-            origins, directions, max_distance, objects=objects, cull_back_faces=cull_back_faces, alpha=alpha
-        )
 
     def _parsed(self, options: Mapping[str, Any]) -> _kiln.Options:
         return _kiln.Options(_options({**self._options, **options}))

@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Mapping
+from typing import Any
 
 
 def unicode(text: str, name: str) -> str:
@@ -14,7 +15,7 @@ def unicode(text: str, name: str) -> str:
     return text
 
 
-def value(given, key: str = "") -> str:
+def value(given: Any, key: str = "") -> str:
     """A value in one line; `key` is for errors. Arrays of numpy become lists; tables leave out entries of None."""
     if hasattr(given, "tolist"):
         given = given.tolist()
@@ -32,11 +33,11 @@ def value(given, key: str = "") -> str:
     raise TypeError(f"unsupported type {type(given).__name__} for key `{key}`")
 
 
-def _entries(table: Mapping, prefix: str = "") -> list[str]:
+def _entries(table: Mapping[Any, Any], prefix: str = "") -> list[str]:
     entries = [(str(key), item) for key, item in table.items() if item is not None]
     return [f"{value(key, 'key')} = {value(item, prefix + key)}" for key, item in entries]
 
 
-def document(table: Mapping) -> str:
+def document(table: Mapping[Any, Any]) -> str:
     """A table as a document, an entry a line."""
     return "".join(f"{entry}\n" for entry in _entries(table))

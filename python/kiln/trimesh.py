@@ -61,8 +61,7 @@ class RayMeshIntersector:
     """Ray queries on a mesh of trimesh.
 
     A ray hits the mesh, in every query, if a triangle, its edges and corners included, is at a distance above 0 on it:
-    `intersects_any` is true for exactly the rays that `intersects_id` and `intersects_location` return (but in tier
-    "fast", whose hits depend on the query).
+    `intersects_any` is true for exactly the rays that `intersects_id` and `intersects_location` return.
 
     Rays whose direction is 0 or whose numbers are not finite hit nothing, and no mesh contains points whose numbers are
     not finite, as in trimesh. Raises ValueError for origins beyond f32. A copy of a trimesh mesh uses trimesh's own
@@ -118,14 +117,11 @@ class RayMeshIntersector:
         touching = np.flatnonzero(is_hit & ~is_crossing)
         if len(touching) > 0:
             hits, _ = self._answer("first", origins[touching], directions[touching])
-            # In the tier `fast`, `first` may miss what `any` hits.
-            is_found = hits.triangle >= 0
-            touching, triangles, places = touching[is_found], hits.triangle[is_found], hits.location[is_found]
             index_ray = np.concatenate([index_ray, touching])
             order = np.argsort(index_ray, kind="stable")
             index_ray = index_ray[order]
-            index_tri = np.concatenate([index_tri, triangles])[order]
-            locations = np.concatenate([locations, places])[order]
+            index_tri = np.concatenate([index_tri, hits.triangle])[order]
+            locations = np.concatenate([locations, hits.location])[order]
         return (index_ray, index_tri, locations), valid
 
     def intersects_id(

@@ -228,12 +228,25 @@ pub(crate) fn in_shape<'py>(array: Bound<'py, PyAny>, shape: &[usize]) -> PyResu
 /// Checks that rows are finite in f32, which bounds are in.
 pub(crate) fn check_finite<const N: usize>(rows: &[[f64; N]], name: &str) -> PyResult<()> {
     let is_finite = |row: &[f64; N]| row.iter().all(|&x| (x as f32).is_finite());
-    match rows.iter().position(|row| !is_finite(row)) {
-        None => Ok(()),
-        Some(row) => {
-            Err(PyValueError::new_err(format!("{name}: row {row} is not finite, or too large for f32")))
-        }
+    if rows.iter().all(is_finite) {
+        return Ok(());
     }
+    let wrong = rows.iter().enumerate().filter(|(_, row)| !is_finite(row)).map(|(index, _)| index);
+    let (rows, count) = named_rows(wrong);
+    let is = if count > 1 { "are" } else { "is" };
+    Err(PyValueError::new_err(format!("{name}: {rows} {is} not finite, or too large for f32")))
+}
+
+/// The first of these rows, with the number of others, for messages; and the number of all.
+pub(crate) fn named_rows(rows: impl Iterator<Item = usize>) -> (String, usize) {
+    const NAMED: usize = 8;
+    let rows: Vec<usize> = rows.collect();
+    let named: Vec<String> = rows.iter().take(NAMED).map(usize::to_string).collect();
+    let others = match rows.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        others => format!(" and {others} others"),
+    };
+    (format!("{} {}{others}", if rows.len() > 1 { "rows" } else { "row" }, named.join(", ")), rows.len())
 }
 
 /// An array with the elements of a vector, whose memory it takes over.

@@ -119,7 +119,7 @@ impl Found {
 impl Found {
     /// The index of the object of each result.
     fn object<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.indices(py, |prim| self.state.locate(prim).0 as i64)
+        self.indices(py, |prim| self.state.objects[self.state.locate(prim).0].number.into())
     }
 
     /// The index of the object among the placements of the same mesh.

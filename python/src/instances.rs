@@ -1,10 +1,9 @@
 //! `kiln.Instances`: a mesh of parts that are placed by transforms.
 
-use std::collections::HashMap;
-use std::sync::Arc;
+use std::collections::{BTreeMap, HashMap};
+use std::sync::{Arc, MutexGuard};
 
-use kiln::bvh;
-use kiln::bvh::{Bvh, InvalidMesh, NotFinite, Placed, Placement};
+use kiln::bvh::{self, Bvh, Numerics, Placed, Placement};
 use kiln::glam::{DMat4, DVec3};
 use numpy::{PyReadonlyArray1, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyIndexError, PyValueError};
@@ -15,7 +14,7 @@ use crate::arrays::{
     zeros,
 };
 use crate::mesh::Mesh;
-use crate::state::{ObjectPart, Parts, State, named, warn_of_rounding};
+use crate::state::{ObjectPart, State, named, warn_of_rounding};
 use crate::threads::in_threads;
 
 /// Meshes placed by transforms, which can be moved, added and removed: a Mesh, with all its queries.
@@ -23,86 +22,110 @@ use crate::threads::in_threads;
 /// Instances(*, tier="double", preset="balanced"), whose arguments are those of Mesh
 ///
 /// Objects are numbered as they are added; numbers of removed ones are not used again. Hits have their number in
-/// `.object`, their triangle in `.triangle`, and equal those on moved copies of the vertices, to the bit but in tier
-/// "fast". Moving an object, adding and removing one does not build the trees of others anew; `contains` and
-/// `signed_distance` look at all edges again after it. Triangles of a mirrored object are turned over, so that its
+/// `.object`, their triangle in `.triangle`, and equal those on moved copies of the vertices, to the bit. The first query
+/// after changes builds the trees of new objects, and one over all. Triangles of a mirrored object are turned over, so that its
 /// outside stays outside. Queries that run, and their results, are of the earlier objects. Nothing is changed by a call
 /// that raises.
 #[pyclass(frozen, extends = Mesh, module = "kiln")]
 pub(crate) struct Instances;
 
-/// The state with these parts, whose meshes keep the trees that they have in `bvh`.
-fn state_of(py: Python, mut bvh: Bvh, parts: Parts) -> PyResult<State> {
-    let (mut objects, mut copies, mut primitives) = (Vec::new(), HashMap::new(), 0);
-    for part in &parts {
-        let mut object = ObjectPart { first: primitives as u32, instance: 0 };
-        if let Some(placed) = part {
+/// Meshes and transforms by the numbers of objects.
+#[derive(Clone, Default)]
+pub(crate) struct Parts {
+    parts: BTreeMap<u32, Placed>,
+    /// The number of the next object.
+    next: u32,
+    triangles: usize,
+    /// The number of changes.
+    pub version: u64,
+}
+
+impl Parts {
+    /// The number of triangles.
+    pub(crate) fn triangles(&self) -> usize {
+        self.triangles
+    }
+
+    /// The state of these parts, whose meshes keep the trees that they have in `bvh`.
+    pub(crate) fn state(&self, py: Python, mut bvh: Bvh) -> PyResult<State> {
+        let (mut copies, mut primitives) = (HashMap::new(), 0);
+        let part = |(&number, placed): (&u32, &Placed)| {
             let copies: &mut u32 = copies.entry(Arc::as_ptr(&placed.mesh)).or_default();
-            object.instance = *copies;
+            let object = ObjectPart { number, first: primitives as u32, instance: *copies };
             *copies += 1;
             primitives += placed.triangle_count();
-        }
-        objects.push(object);
+            object
+        };
+        let objects = self.parts.iter().map(part).collect();
+        let placed: Vec<Placed> = self.parts.values().cloned().collect();
+        let bvh = in_threads(py, || bvh.set_instances(&placed).map(|()| bvh))?;
+        let bvh = bvh.map_err(|why| PyValueError::new_err(why.to_string()))?;
+        let mut state = State::of(bvh, primitives, objects);
+        state.version = self.version;
+        Ok(state)
     }
-    let placed: Vec<Placed> = parts.iter().flatten().cloned().collect();
-    let bvh = in_threads(py, || bvh.set_instances(&placed).map(|()| bvh))?;
-    let locate = |primitive: usize| {
-        let object = objects.partition_point(|object: &ObjectPart| object.first as usize <= primitive) - 1;
-        (object, primitive - objects[object].first as usize)
-    };
-    let bvh = bvh.map_err(|why| match why {
-        InvalidMesh::NotFinite(NotFinite::Primitive(primitive)) => {
-            let (object, triangle) = locate(primitive);
-            PyValueError::new_err(format!(
-                "triangle {triangle} of object {object} has a coordinate that is not finite where it is placed, or too \
-                 large for f32"
-            ))
-        }
-        other => PyValueError::new_err(other.to_string()),
-    })?;
-    Ok(State { bvh, primitives, objects, scene: None, parts })
+
+    /// The object of a number.
+    fn get(&self, object: i64) -> PyResult<(u32, &Placed)> {
+        let number = u32::try_from(object).ok();
+        let known = number.and_then(|number| Some((number, self.parts.get(&number)?)));
+        known.ok_or_else(|| PyIndexError::new_err(format!("there is no object {object}")))
+    }
+
+    fn set(&mut self, number: u32, placed: Option<Placed>) {
+        self.triangles += placed.as_ref().map_or(0, Placed::triangle_count);
+        let before = match placed {
+            Some(placed) => self.parts.insert(number, placed),
+            None => self.parts.remove(&number),
+        };
+        self.triangles -= before.map_or(0, |before| before.triangle_count());
+        self.next = self.next.max(number + 1);
+    }
 }
 
-/// Warns of vertices of new and moved parts that the tier rounds coarsely.
-fn warn_of_parts(py: Python, before: &Parts, state: &State) -> PyResult<()> {
-    let numerics = state.bvh.accelerator().numerics();
-    let is_same = |a: &Placed, b: &Placed| Arc::ptr_eq(&a.mesh, &b.mesh) && a.placement == b.placement;
-    for (object, part) in state.parts.iter().enumerate() {
-        let Some(placed) = part else { continue };
-        if before.get(object).and_then(Option::as_ref).is_some_and(|before| is_same(before, placed)) {
-            continue;
-        }
-        let triangles = || (0..placed.triangle_count() as u32).map(move |i| placed.corners_of(i).into());
-        warn_of_rounding(py, numerics, triangles, &format!("object {object}: "))?;
-    }
-    Ok(())
-}
+/// The parts of a change: their numbers, and what they become; `None` where they are removed.
+type Change = Vec<(u32, Option<Placed>)>;
 
-/// The object of a number.
-fn part_of(parts: &Parts, object: i64) -> PyResult<(usize, &Placed)> {
-    let number = usize::try_from(object).ok();
-    let known = number.and_then(|number| Some((number, parts.get(number)?.as_ref()?)));
-    known.ok_or_else(|| PyIndexError::new_err(format!("there is no object {object}")))
+/// An error if a triangle is not finite where it is placed; a warning if the tier rounds it coarsely.
+fn check(py: Python, numerics: Numerics, object: u32, placed: &Placed) -> PyResult<()> {
+    let is_finite = |triangle: &u32| placed.corners_of(*triangle).iter().all(|p| p.as_vec3().is_finite());
+    let mut all = 0..placed.triangle_count() as u32;
+    let triangles = all.clone();
+    if let Some(triangle) = py.detach(|| all.find(|triangle| !is_finite(triangle))) {
+        return Err(PyValueError::new_err(format!(
+            "triangle {triangle} of object {object} has a coordinate that is not finite where it is placed, or too \
+             large for f32"
+        )));
+    }
+    let primitives = || triangles.clone().map(move |i| placed.corners_of(i).into());
+    warn_of_rounding(py, numerics, primitives, &format!("object {object}: "))
 }
 
 impl Instances {
-    /// Changes the parts by `change`, and the state that queries read; nothing if that fails.
-    fn edit<R>(slf: &Bound<Self>, change: impl Fn(&mut Parts) -> PyResult<R>) -> PyResult<R> {
+    /// Changes the parts; nothing if that fails. Queries build the tree over them.
+    fn edit<R>(slf: &Bound<Self>, change: impl Fn(&Parts) -> PyResult<(Change, R)>) -> PyResult<R> {
         let (py, mesh) = (slf.py(), slf.as_super().get());
-        let mut built = None;
+        let numerics = mesh.last().bvh.accelerator().numerics();
         loop {
-            let before = mesh.now();
-            let mut parts = before.parts.clone();
-            let result = change(&mut parts)?;
-            let bvh = built.take().unwrap_or_else(|| before.bvh.clone());
-            let state = state_of(py, bvh, parts)?;
-            warn_of_parts(py, &before.parts, &state)?;
-            // Another thread, or what shows the warning, may have changed them. The trees that are built are kept.
-            match mesh.replace_if(&before, state) {
-                Ok(()) => return Ok(result),
-                Err(state) => built = Some(state.bvh),
+            let (version, (changed, result)) = {
+                let parts = Instances::parts(mesh);
+                (parts.version, change(&parts)?)
+            };
+            for (number, placed) in &changed {
+                placed.as_ref().map_or(Ok(()), |placed| check(py, numerics, *number, placed))?;
+            }
+            // Another thread, or what shows a warning, may have changed them.
+            let mut parts = Instances::parts(mesh);
+            if parts.version == version {
+                parts.version += 1;
+                changed.into_iter().for_each(|(number, placed)| parts.set(number, placed));
+                return Ok(result);
             }
         }
+    }
+
+    fn parts(mesh: &Mesh) -> MutexGuard<'_, Parts> {
+        mesh.parts().expect("instances have parts")
     }
 
     /// The number of an object, or several, and the transform of each.
@@ -123,8 +146,9 @@ impl Instances {
     fn new(py: Python, tier: &str, preset: &str) -> PyResult<PyClassInitializer<Self>> {
         let (numerics, preset) = named(tier, preset)?;
         let nothing = Bvh::from_instances(&[], preset, numerics).expect("no triangle is wrong");
-        let state = state_of(py, nothing, Vec::new())?;
-        Ok(PyClassInitializer::from(Mesh::of(state)).add_subclass(Instances))
+        let parts = Parts::default();
+        let state = parts.state(py, nothing)?;
+        Ok(PyClassInitializer::from(Mesh::of(state, Some(parts))).add_subclass(Instances))
     }
 
     /// Adds a mesh. Returns the number of the object.
@@ -136,7 +160,7 @@ impl Instances {
         vertices: &Bound<PyAny>,
         faces: &Bound<PyAny>,
         transform: Option<&Bound<PyAny>>,
-    ) -> PyResult<usize> {
+    ) -> PyResult<u32> {
         let vertices = numbers(vertices, "vertices", 3)?;
         let triangles = triangles(faces, "faces", vertices.shape()[0])?;
         let transform = transform.map(|transform| matrices(transform, "transform", &[ONE])).transpose()?;
@@ -144,10 +168,7 @@ impl Instances {
         let positions = positions(chunks(&vertices)?)?;
         let mesh = bvh::Mesh { positions, triangles, ..bvh::Mesh::default() };
         let placed = Placed::new(Arc::new(mesh), Placement::new(transform));
-        Instances::edit(slf, |parts| {
-            parts.push(Some(placed.clone()));
-            Ok(parts.len() - 1)
-        })
+        Instances::edit(slf, |parts| Ok((vec![(parts.next, Some(placed.clone()))], parts.next)))
     }
 
     /// Adds copies of an object, which share its vertices. Returns their numbers: (k,) int64.
@@ -160,11 +181,11 @@ impl Instances {
     ) -> PyResult<Bound<'py, PyAny>> {
         let transforms = matrices(transforms, "transforms", &[SEVERAL])?;
         let numbers = Instances::edit(slf, |parts| {
-            let mesh = part_of(parts, object)?.1.mesh.clone();
+            let mesh = &parts.get(object)?.1.mesh;
             let copy = |&transform: &DMat4| Some(Placed::new(mesh.clone(), Placement::new(transform)));
-            let first = parts.len();
-            parts.extend(transforms.iter().map(copy));
-            Ok((first as i64..parts.len() as i64).collect::<Vec<_>>())
+            let copies: Change = (parts.next..).zip(transforms.iter().map(copy)).collect();
+            let numbers: Vec<i64> = copies.iter().map(|(number, _)| (*number).into()).collect();
+            Ok((copies, numbers))
         })?;
         Ok(vector(slf.py(), numbers))
     }
@@ -175,20 +196,19 @@ impl Instances {
     fn set_transform(slf: &Bound<Self>, objects: &Bound<PyAny>, transforms: &Bound<PyAny>) -> PyResult<()> {
         let moved = Instances::transforms(objects, transforms)?;
         Instances::edit(slf, |parts| {
-            for (object, placement) in &moved {
-                let (number, placed) = part_of(parts, *object)?;
-                parts[number] = Some(Placed::new(placed.mesh.clone(), placement.clone()));
-            }
-            Ok(())
+            let placed = |(object, placement): &(i64, Placement)| {
+                let (number, placed) = parts.get(*object)?;
+                Ok((number, Some(Placed::new(placed.mesh.clone(), placement.clone()))))
+            };
+            Ok((moved.iter().map(placed).collect::<PyResult<Change>>()?, ()))
         })
     }
 
     /// Removes an object. The numbers of others stay.
     fn remove(slf: &Bound<Self>, object: i64) -> PyResult<()> {
         Instances::edit(slf, |parts| {
-            let (number, _) = part_of(parts, object)?;
-            parts[number] = None;
-            Ok(())
+            let (number, _) = parts.get(object)?;
+            Ok((vec![(number, None)], ()))
         })
     }
 
@@ -200,34 +220,34 @@ impl Instances {
         let vertices = numbers(vertices, "vertices", 3)?;
         let positions = positions(chunks(&vertices)?)?;
         Instances::edit(slf, |parts| {
-            let mut known = (0..).zip(&*parts).filter(|(_, part)| part.is_some()).map(|(number, _)| number);
+            let mut known = parts.parts.keys();
             let object = match (object, known.next(), known.next()) {
-                (Some(object), ..) | (None, Some(object), None) => object,
+                (Some(object), ..) => object,
+                (None, Some(&object), None) => object.into(),
                 _ => return Err(PyValueError::new_err("object: needed where there is not one object")),
             };
-            let before = part_of(parts, object)?.1.mesh.clone();
+            let before = &parts.get(object)?.1.mesh;
             check_rows(("vertices", positions.len()), ("the object", before.positions.len()))?;
             let (triangles, positions) = (before.triangles.clone(), positions.clone());
             let mesh = Arc::new(bvh::Mesh { positions, triangles, ..bvh::Mesh::default() });
-            for placed in parts.iter_mut().flatten().filter(|placed| Arc::ptr_eq(&placed.mesh, &before)) {
-                *placed = Placed::new(mesh.clone(), placed.placement.clone());
-            }
-            Ok(())
+            let copies = parts.parts.iter().filter(|(_, placed)| Arc::ptr_eq(&placed.mesh, before));
+            let moved = copies
+                .map(|(&number, placed)| (number, Some(Placed::new(mesh.clone(), placed.placement.clone()))));
+            Ok((moved.collect(), ()))
         })
     }
 
     /// The numbers of the objects: (n,) int64.
     #[getter]
     fn objects<'py>(slf: &Bound<'py, Self>) -> Bound<'py, PyAny> {
-        let state = slf.as_super().get().now();
-        let numbers = (0i64..).zip(&state.parts).filter(|(_, part)| part.is_some()).map(|(number, _)| number);
-        vector(slf.py(), numbers.collect::<Vec<_>>())
+        let numbers: Vec<i64> =
+            Instances::parts(slf.as_super().get()).parts.keys().map(|n| (*n).into()).collect();
+        vector(slf.py(), numbers)
     }
 
     /// The transform of an object: (4, 4) float64, world from mesh.
     fn transform<'py>(slf: &Bound<'py, Self>, object: i64) -> PyResult<Bound<'py, PyAny>> {
-        let state = slf.as_super().get().now();
-        let (linear, offset) = part_of(&state.parts, object)?.1.placement.as_one();
+        let (linear, offset) = Instances::parts(slf.as_super().get()).get(object)?.1.placement.as_one();
         let mut map = DMat4::from_mat3(linear);
         map.w_axis = offset.extend(1.0);
         let mut matrix = zeros::<f64, 2>(slf.py(), [4, 4])?;
@@ -237,7 +257,7 @@ impl Instances {
 
     /// Instances of its own, which share memory with these.
     fn __copy__(slf: &Bound<Self>) -> PyResult<Py<Self>> {
-        let copy = slf.as_super().get().__copy__();
+        let copy = slf.as_super().get().copy();
         Py::new(slf.py(), PyClassInitializer::from(copy).add_subclass(Instances))
     }
 
@@ -246,10 +266,13 @@ impl Instances {
     }
 
     fn __repr__(slf: &Bound<Self>) -> String {
-        let state = slf.as_super().get().now();
-        let objects = state.parts.iter().flatten().count();
-        let tier = state.bvh.accelerator().numerics().name();
-        format!("<kiln.Instances of {objects} objects, {} triangles, tier {tier}>", state.primitives)
+        let tier = slf.as_super().get().last().bvh.accelerator().numerics().name();
+        let parts = Instances::parts(slf.as_super().get());
+        format!(
+            "<kiln.Instances of {} objects, {} triangles, tier {tier}>",
+            parts.parts.len(),
+            parts.triangles
+        )
     }
 }
 

@@ -139,7 +139,6 @@ fn _kiln(module: &Bound<PyModule>) -> PyResult<()> {
     module.add_class::<hits::Found>()?;
     module.add_class::<scene::Scene>()?;
     module.add_class::<picture::Picture>()?;
-    module.add_class::<picture::Aovs>()?;
     module.add_class::<picture::Options>()?;
     module.add_class::<picture::Prepared>()?;
     module.add_function(wrap_pyfunction!(picture::render, module)?)?;

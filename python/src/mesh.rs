@@ -1,16 +1,15 @@
 //! `kiln.Mesh`: ray and point queries of triangles.
 
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
 use kiln::bvh::{
-    Bvh, Closedness, ClosestPoint, InsideRule, NotClosed, Preset, PrimId, Primitive, RayList, Side,
-    SignedHit, Traversal,
+    Bvh, Closedness, ClosestPoint, InsideRule, PrimId, Primitive, RayList, Side, SignedHit, Traversal,
 };
 use kiln::glam::DVec3;
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::{PyAttributeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyList, PyTuple};
 use rayon::prelude::*;
 
 use crate::arrays::{
@@ -18,9 +17,10 @@ use crate::arrays::{
     zeros,
 };
 use crate::hits::{Columns, Found, result, set};
-use crate::rays::{Filter, RayArguments, lists_of};
-use crate::state::{State, named};
-use crate::threads::{in_ranges, in_threads};
+use crate::instances::Parts;
+use crate::rays::{FEW, Filter, RayArguments, lists_of};
+use crate::state::{Arrays, State, named};
+use crate::threads::{POINTS, RAYS, in_ranges, in_threads};
 use crate::warn;
 
 /// Triangles for ray and point queries, for any number of threads.
@@ -28,10 +28,9 @@ use crate::warn;
 /// Mesh(vertices, faces, *, tier="double", preset="balanced")
 ///
 /// vertices: (n, 3) float64, finite in f32. faces: (m, 3) integers below n, counterclockwise seen from the front.
-/// tier: the arithmetic that decides hits: "fast" (f32, rays may miss what they hit), "watertight" (vertices rounded to
-/// f32), "double" (vertices in f64) or "exact" (for the ray with its direction normalised, which rounds). "fast" and
-/// "watertight" warn where rounding merges vertices or planes, or turns triangles over. preset: "fast-build",
-/// "balanced" or "best-trace".
+/// tier: the arithmetic that decides hits: "watertight" (vertices rounded to f32, with a warning where that merges
+/// vertices or planes, or turns triangles over), "double" (vertices in f64) or "exact" (for the ray with its direction
+/// normalised, which rounds). preset: "fast-build", "balanced" or "best-trace".
 ///
 /// Distances are in the units of the vertices; directions need not have length 1. Queries release the GIL and use all
 /// threads (RAYON_NUM_THREADS). Raises ValueError for arguments of another shape or type and for numbers that are not
@@ -41,15 +40,9 @@ use crate::warn;
 pub(crate) struct Mesh {
     /// What queries read: each takes it once. Replaced as a whole, and locked for that alone.
     state: RwLock<Arc<State>>,
-    /// Of a mesh that is made from arrays.
-    arrays: Option<Arc<Arrays>>,
-}
-
-/// What remains of the arrays that a mesh is made from.
-struct Arrays {
-    vertices: usize,
-    faces: Vec<[u32; 3]>,
-    preset: Preset,
+    /// The parts of [`Instances`](crate::instances::Instances), of which the state may be an earlier one. Locked as
+    /// briefly, with the GIL and without a call of Python.
+    parts: Option<Mutex<Parts>>,
 }
 
 /// The points of an argument.
@@ -70,13 +63,52 @@ impl<'py> Points<'py> {
         Ok(bytemuck::cast_slice(chunks::<3>(&self.rows)?))
     }
 
-    /// The results of `query` for all points.
-    fn results<R: Send>(&self, query: impl Fn(&[DVec3]) -> Vec<R> + Sync) -> PyResult<Vec<R>> {
-        let points = self.get()?;
-        let mut results = Vec::with_capacity(points.len());
-        in_ranges(self.rows.py(), points.len(), |range| results.extend(query(&points[range])))?;
-        Ok(results)
+    /// The results of a query for all points; of few, by the calling thread. Of many, `query` takes them along a curve.
+    fn results<R: Copy + Send + Sync>(
+        &self,
+        single: impl Fn(DVec3, &mut Traversal) -> R + Sync,
+        query: impl Fn(&[DVec3]) -> Vec<R> + Sync,
+    ) -> PyResult<Vec<R>> {
+        let (py, points) = (self.rows.py(), self.get()?);
+        if points.len() <= FEW {
+            let traversal = &mut Traversal::default();
+            return Ok(py.detach(|| points.iter().map(|point| single(*point, traversal)).collect()));
+        }
+        let order = in_threads(py, || along_curve(points))?;
+        let sorted: Vec<DVec3> = order.iter().map(|index| points[*index as usize]).collect();
+        let mut found = Vec::with_capacity(points.len());
+        in_ranges(py, (points.len(), POINTS), |range| found.extend(query(&sorted[range])))?;
+        drop(sorted);
+        let mut places = vec![0; order.len()];
+        (0..).zip(order).for_each(|(place, index): (u32, u32)| places[index as usize] = place);
+        Ok(places.into_iter().map(|place| found[place as usize]).collect())
     }
+}
+
+/// The least and the greatest coordinates of points.
+fn span(points: &[DVec3]) -> [DVec3; 2] {
+    let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+    points.iter().fold(none, |[min, max], point| [min.min(*point), max.max(*point)])
+}
+
+/// The indices of finite points along a Morton curve through a grid of 2^30 cells, so that neighbours follow each other.
+fn along_curve(points: &[DVec3]) -> Vec<u32> {
+    let [min, max] = span(points);
+    let scale = 1023.5 / (max - min).max_element();
+    // Two zeros before each of ten bits.
+    let spread = |x: f64| {
+        [(16, 0x0300_00ff), (8, 0x0300_f00f), (4, 0x030c_30c3), (2, 0x0924_9249)]
+            .into_iter()
+            // NaN, of equal coordinates, becomes 0.
+            .fold((x as u64).min(1023), |x, (shift, mask)| (x | x << shift) & mask)
+    };
+    let key = |(index, point): (usize, &DVec3)| {
+        let [x, y, z] = ((*point - min) * scale).to_array().map(spread);
+        (x << 2 | y << 1 | z) << 32 | index as u64
+    };
+    let mut keys: Vec<u64> = points.par_iter().enumerate().map(key).collect();
+    keys.par_sort_unstable();
+    keys.into_iter().map(|key| key as u32).collect()
 }
 
 /// A maximum distance from a point; infinite if it is not given.
@@ -89,63 +121,106 @@ fn max_distance_of(value: Option<f64>) -> PyResult<f64> {
 }
 
 impl Mesh {
-    /// A mesh whose queries read `state`.
-    pub(crate) fn of(state: State) -> Self {
-        Mesh { state: RwLock::new(Arc::new(state)), arrays: None }
+    /// A mesh whose queries read `state`, or one of these parts.
+    pub(crate) fn of(state: State, parts: Option<Parts>) -> Self {
+        Mesh { state: RwLock::new(Arc::new(state)), parts: parts.map(Mutex::new) }
     }
 
-    /// What a query that begins now reads.
-    pub(crate) fn now(&self) -> Arc<State> {
+    /// What a query that begins now reads. Builds the tree over parts that have changed.
+    pub(crate) fn now(&self, py: Python) -> PyResult<Arc<State>> {
+        let state = self.last();
+        let changed = self.parts().filter(|parts| parts.version != state.version).map(|parts| parts.clone());
+        match changed {
+            None => Ok(state),
+            Some(parts) => self.replace(parts.state(py, state.bvh.clone())?),
+        }
+    }
+
+    /// The last state that was built.
+    pub(crate) fn last(&self) -> Arc<State> {
         Arc::clone(&self.state.read().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Replaces what later queries read.
-    pub(crate) fn replace(&self, state: State) {
-        let mut state = Arc::new(state);
-        // The lock is released before the earlier state is dropped.
-        std::mem::swap(&mut *self.state.write().unwrap_or_else(PoisonError::into_inner), &mut state);
+    pub(crate) fn parts(&self) -> Option<MutexGuard<'_, Parts>> {
+        self.parts.as_ref().map(|parts| parts.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// [`Mesh::replace`]; returns `state` if another one has replaced `before`.
-    pub(crate) fn replace_if(&self, before: &Arc<State>, state: State) -> Result<(), Box<State>> {
+    /// Replaces what later queries read, unless that is of later parts. Returns `state`.
+    fn replace(&self, state: State) -> PyResult<Arc<State>> {
+        let (state, mut other) = (Arc::new(state), self.last());
         let mut now = self.state.write().unwrap_or_else(PoisonError::into_inner);
-        if !Arc::ptr_eq(&now, before) {
-            return Err(Box::new(state));
+        if now.version <= state.version {
+            other = std::mem::replace(&mut *now, Arc::clone(&state));
         }
-        // `before` is dropped by the caller, without the lock.
-        *now = Arc::new(state);
-        Ok(())
+        // The lock is released before the earlier state is dropped.
+        drop(now);
+        drop(other);
+        Ok(state)
+    }
+
+    /// A mesh of the same class, which shares the state.
+    pub(crate) fn copy(&self) -> Self {
+        let parts = self.parts().map(|parts| Mutex::new(parts.clone()));
+        Mesh { state: RwLock::new(self.last()), parts }
+    }
+
+    /// The arrays that it is made from.
+    fn arrays(&self) -> Option<Arc<Arrays>> {
+        self.last().arrays.clone()
+    }
+
+    /// The vertices of [`Mesh::arrays`], as they are stored. Those without a face are 0.
+    fn positions(&self, arrays: &Arrays) -> Vec<[f64; 3]> {
+        let mut vertices = vec![[0.0; 3]; arrays.vertices];
+        self.last().bvh.accelerator().each_primitive(&mut |prim, primitive| {
+            if let Primitive::Triangle(triangle) = primitive {
+                for (index, corner) in arrays.faces[prim.0 as usize].into_iter().zip(triangle.0) {
+                    vertices[index as usize] = corner.to_array();
+                }
+            }
+        });
+        vertices
     }
 
     /// The results of `query` for the points, and the shape of these without the dimension of vectors. Before that,
     /// warns of a surface that is not closed, if `warning` returns text on what that means.
-    fn with_points<R: Send>(
+    fn with_points<R: Copy + Send + Sync>(
         &self,
         points: &Bound<PyAny>,
-        warning: impl FnOnce(Closedness) -> Option<&'static str>,
+        warning: impl FnOnce(InsideRule) -> Option<&'static str>,
+        single: impl Fn(&Bvh, DVec3, &mut Traversal) -> R + Sync,
         query: impl Fn(&Bvh, &[DVec3]) -> Vec<R> + Sync,
     ) -> PyResult<(Vec<R>, Vec<usize>)> {
         let (py, points) = (points.py(), Points::new(points)?);
-        let State { bvh, .. } = &*self.now();
-        let closedness = in_threads(py, || bvh.closedness())?;
-        if let Some(text) = warning(closedness).filter(|_| !closedness.is_closed()) {
-            warn(py, &format!("{}; {text}", NotClosed(closedness)))?;
+        let state = self.now(py)?;
+        let (bvh, (rule, edges)) = (&state.bvh, state.inside_rule(py)?);
+        if let Some(text) = warning(rule) {
+            let what = "the surface is not closed";
+            warn(
+                py,
+                &format!(
+                    "{what}: {edges} edges are used more often in one direction than in the other; {text}"
+                ),
+            )?;
         }
-        Ok((points.results(|points| query(bvh, points))?, points.shape))
+        let found =
+            points.results(|point, traversal| single(bvh, point, traversal), |points| query(bvh, points))?;
+        Ok((found, points.shape))
     }
 }
 
 /// How it is decided what is inside of a surface that is not closed.
-fn inside_rule(closedness: Closedness) -> Option<&'static str> {
-    Some(match closedness.rule() {
+fn inside_rule(rule: InsideRule) -> Option<&'static str> {
+    match rule {
+        InsideRule::Crossings => None,
         InsideRule::Vote => {
-            "triangles are wound in opposite directions, so a vote of three rays says what is inside"
+            Some("triangles are wound in opposite directions, so a vote of three rays says what is inside")
         }
-        _ => {
+        InsideRule::GeneralisedWindingNumber => Some(
             "the generalised winding number says what is inside, contains(points, return_margin=True) how certain \
-             that is"
-        }
-    })
+             that is",
+        ),
+    }
 }
 
 #[pymethods]
@@ -159,10 +234,7 @@ impl Mesh {
         let faces = triangles(faces, "faces", vertices.shape()[0])?;
         let vertices: &[[f64; 3]] = chunks(&vertices)?;
         check_finite(vertices, "vertices")?;
-        let (numerics, preset) = named(tier, preset)?;
-        let state = State::of_triangles(py, vertices, &faces, (numerics, preset))?;
-        let arrays = Arrays { vertices: vertices.len(), faces, preset };
-        Ok(Mesh { arrays: Some(Arc::new(arrays)), ..Mesh::of(state) })
+        Ok(Mesh::of(State::of_triangles(py, vertices, faces, named(tier, preset)?)?, None))
     }
 
     /// Moves the vertices of a mesh that was made from arrays. The tree is refitted, or built anew where that would
@@ -172,55 +244,89 @@ impl Mesh {
     /// vertices: float64 of the same shape as before.
     fn update(&self, vertices: &Bound<PyAny>) -> PyResult<()> {
         let py = vertices.py();
-        let Some(arrays) = &self.arrays else {
+        let Some(arrays) = self.arrays() else {
             return Err(PyValueError::new_err("only a mesh of vertices and faces is updated by vertices"));
         };
         let vertices = numbers(vertices, "vertices", 3)?;
         let vertices: &[[f64; 3]] = chunks(&vertices)?;
         check_rows(("vertices", vertices.len()), ("the mesh", arrays.vertices))?;
         check_finite(vertices, "vertices")?;
-        let state = self.now().updated(py, vertices, &arrays.faces)?;
-        self.replace(state);
-        Ok(())
+        // Before another structure is built: that of two million triangles takes 200 MiB, expansions as much.
+        let lean = self.replace(self.last().lean())?;
+        self.replace(lean.updated(py, vertices, &arrays)?).map(|_| ())
     }
 
     /// A mesh of its own; it shares memory with this one until either is updated.
-    pub(crate) fn __copy__(&self) -> Self {
-        Mesh { state: RwLock::new(self.now()), arrays: self.arrays.clone() }
+    fn __copy__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let py = slf.py();
+        if slf.get_type().is(py.get_type::<Mesh>()) {
+            return Ok(Bound::new(py, slf.get().copy())?.into_any());
+        }
+        let nothing = PyList::empty(py);
+        let copy = py.get_type::<Mesh>().call_method1("__new__", (slf.get_type(), &nothing, &nothing))?;
+        copy.cast::<Mesh>()?.get().replace(State::clone(&slf.get().last()))?;
+        copy.getattr("__dict__")?.call_method1("update", (slf.getattr("__dict__")?,))?;
+        Ok(copy)
     }
 
-    fn __deepcopy__(&self, _memo: &Bound<PyAny>) -> Self {
-        self.__copy__()
+    fn __deepcopy__<'py>(slf: &Bound<'py, Self>, _memo: &Bound<PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        Mesh::__copy__(slf)
     }
 
-    /// For pickle: the arrays as they are now, with vertices in the precision of the tier. Vertices without a face are
-    /// 0.
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, impl IntoPyObject<'py>)> {
+    /// For pickle: the arrays as they are now, with vertices in the precision of the tier, and the attributes of an
+    /// instance of a subclass.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
         let (py, mesh) = (slf.py(), slf.get());
-        let Some(arrays) = &mesh.arrays else {
+        let Some(arrays) = mesh.arrays() else {
             let what = format!("cannot pickle '{}': it is not made of vertices and faces", slf.get_type());
             return Err(PyTypeError::new_err(what));
         };
-        let mut vertices = vec![[0.0; 3]; arrays.vertices];
-        mesh.now().bvh.accelerator().each_primitive(&mut |prim, primitive| {
-            if let Primitive::Triangle(triangle) = primitive {
-                for (index, corner) in arrays.faces[prim.0 as usize].into_iter().zip(triangle.0) {
-                    vertices[index as usize] = corner.to_array();
-                }
-            }
-        });
-        let mut faces = zeros::<u32, 2>(py, [arrays.faces.len(), 3])?;
-        faces.as_slice_mut()?.copy_from_slice(arrays.faces.as_flattened());
         let options = PyDict::new(py);
         options.set_item("tier", mesh.tier())?;
         options.set_item("preset", arrays.preset.name())?;
         let new = py.import("copyreg")?.getattr("__newobj_ex__")?;
-        Ok((new, (slf.get_type(), (rows(py, vertices)?, any(&faces)), options)))
+        let made_of = (rows(py, mesh.positions(&arrays))?, faces_of(py, &arrays)?);
+        let attributes = slf.getattr_opt("__dict__")?;
+        (new, (slf.get_type(), made_of, options), attributes).into_pyobject(py)
+    }
+
+    /// The vertices that the mesh is made from, as they are now: (n, 3) float64, in the precision of the tier. Those
+    /// without a face are 0.
+    #[getter]
+    fn vertices<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let arrays = self.arrays().ok_or_else(|| not_of_arrays("vertices"))?;
+        rows(py, py.detach(|| self.positions(&arrays)))
+    }
+
+    /// The vertex indices that the mesh is made from: (m, 3) uint32, counterclockwise seen from the front.
+    #[getter]
+    fn faces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let arrays = self.arrays().ok_or_else(|| not_of_arrays("faces"))?;
+        faces_of(py, &arrays)
+    }
+
+    /// The least and the greatest corner of the bounding box: (2, 3) float64; None without triangles. Of spheres and
+    /// disks rounded outwards to f32.
+    #[getter]
+    fn bounds<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let state = self.now(py)?;
+        let [mut min, mut max] = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        py.detach(|| {
+            state.bvh.accelerator().each_primitive(&mut |_, primitive| {
+                let [low, high] = match primitive {
+                    Primitive::Triangle(triangle) => span(&triangle.0),
+                    other => [other.bounds().min.as_dvec3(), other.bounds().max.as_dvec3()],
+                };
+                (min, max) = (min.min(low), max.max(high));
+            });
+        });
+        let corners = (min.x <= max.x).then(|| rows(py, vec![min.to_array(), max.to_array()]));
+        corners.transpose()
     }
 
     /// The number of triangles.
     fn __len__(&self) -> usize {
-        self.now().primitives
+        self.parts().map_or_else(|| self.last().primitives, |parts| parts.triangles())
     }
 
     fn __repr__(&self) -> String {
@@ -230,11 +336,11 @@ impl Mesh {
     /// The arithmetic that decides hits.
     #[getter]
     fn tier(&self) -> &'static str {
-        self.now().bvh.accelerator().numerics().name()
+        self.last().bvh.accelerator().numerics().name()
     }
 
     /// The closest hit of every ray: Hits of n rows, with the triangle -1 and nan for a ray that hits nothing. Of hits
-    /// at equal distance, the one of the lowest triangle, but in tier "fast".
+    /// at equal distance, the one of the lowest triangle.
     ///
     /// origins, directions: (n, 3) float64. max_distance: a number or (n,) float64 above 0, infinite by default. Hits
     /// are at 0 < distance < max_distance: a ray from a point of the surface does not hit it there. objects: indices of
@@ -255,7 +361,7 @@ impl Mesh {
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = origins.py();
         let arguments = RayArguments::new(origins, directions, max_distance)?;
-        let state = self.now();
+        let state = self.now(py)?;
         let filter = Filter::new(&state, objects, cull_back_faces, alpha)?;
         let mut columns = Columns::new(py, arguments.shape.iter().product())?;
         let few = if filter.is_some() { None } else { arguments.few(&state.bvh)? };
@@ -268,7 +374,7 @@ impl Mesh {
         } else {
             let rays = arguments.rays(py, &state.bvh)?;
             let mut rows = columns.slices()?;
-            in_ranges(py, rays.len(), |range| {
+            in_ranges(py, arguments.ranges(), |range| {
                 let places = rows.split_first(range.len()).into_par_iter();
                 let rays = rays.slice(range);
                 match &filter {
@@ -303,7 +409,7 @@ impl Mesh {
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = origins.py();
         let arguments = RayArguments::new(origins, directions, max_distance)?;
-        let state = self.now();
+        let state = self.now(py)?;
         let filter = Filter::new(&state, objects, cull_back_faces, alpha)?;
         let few = if filter.is_some() { None } else { arguments.few(&state.bvh)? };
         let mut occluded = Vec::new();
@@ -312,7 +418,7 @@ impl Mesh {
         } else {
             let rays = arguments.rays(py, &state.bvh)?;
             occluded.reserve_exact(rays.len());
-            in_ranges(py, rays.len(), |range| {
+            in_ranges(py, arguments.ranges(), |range| {
                 let rays = rays.slice(range);
                 match &filter {
                     None => occluded.extend(state.bvh.par_are_occluded(rays)),
@@ -342,11 +448,11 @@ impl Mesh {
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = origins.py();
         let arguments = RayArguments::new(origins, directions, max_distance)?;
-        let state = self.now();
+        let state = self.now(py)?;
         let filter = Filter::new(&state, objects, cull_back_faces, alpha)?;
         let rays = arguments.rays(py, &state.bvh)?;
         let mut counts: Vec<i64> = Vec::with_capacity(rays.len());
-        in_ranges(py, rays.len(), |range| {
+        in_ranges(py, (rays.len(), RAYS), |range| {
             let of_rays = state.bvh.par_hit_counts(rays.slice(range), |ray, hit| {
                 filter.as_ref().is_none_or(|filter| filter.accepts(&state, ray, hit))
             });
@@ -373,7 +479,7 @@ impl Mesh {
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = origins.py();
         let arguments = RayArguments::new(origins, directions, max_distance)?;
-        let state = self.now();
+        let state = self.now(py)?;
         let filter = Filter::new(&state, objects, cull_back_faces, alpha)?;
         let rays = arguments.rays(py, &state.bvh)?;
         let (lists, count) = lists_of(py, &rays, |rays| match &filter {
@@ -408,7 +514,7 @@ impl Mesh {
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = origins.py();
         let arguments = RayArguments::new(origins, directions, max_distance)?;
-        let state = self.now();
+        let state = self.now(py)?;
         let rays = arguments.rays(py, &state.bvh)?;
         let (lists, len) = lists_of(py, &rays, |rays| state.bvh.par_crossings(rays))?;
         let [mut index, mut triangle] = [zeros(py, [len])?, zeros(py, [len])?];
@@ -457,11 +563,16 @@ impl Mesh {
     fn contains<'py>(&self, points: &Bound<'py, PyAny>, return_margin: bool) -> PyResult<Bound<'py, PyAny>> {
         let py = points.py();
         let mut rule = InsideRule::Crossings;
-        let warning = |closedness: Closedness| {
-            rule = closedness.rule();
-            inside_rule(closedness).filter(|_| !return_margin)
+        let warning = |of_surface| {
+            rule = of_surface;
+            inside_rule(of_surface).filter(|_| !return_margin)
         };
-        let (found, shape) = self.with_points(points, warning, Bvh::par_contains)?;
+        let (found, shape) = self.with_points(
+            points,
+            warning,
+            |bvh, point, traversal| bvh.contains(point, traversal),
+            Bvh::par_contains,
+        )?;
         let is_inside = vector::<bool>(py, found.iter().map(|of| of.is_inside).collect());
         let is_inside = in_shape(is_inside, &shape)?;
         if !return_margin {
@@ -484,9 +595,13 @@ impl Mesh {
         beta: f64,
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = points.py();
+        if beta.is_nan() || beta < 1.0 {
+            return Err(PyValueError::new_err(format!("beta: {beta} is not 1 or more")));
+        }
         let (numbers, shape) = self.with_points(
             points,
             |_| None,
+            |bvh, point, traversal| bvh.generalised_winding_number(point, beta, traversal),
             |bvh, points| bvh.par_generalised_winding_numbers(points, beta),
         )?;
         let [value, error] = [
@@ -500,8 +615,15 @@ impl Mesh {
     /// How often the surface winds around points: (n,) int32, 1 inside of a closed mesh and 0 outside. Warns of a
     /// surface that is not closed. points: (n, 3) float64.
     fn winding_number<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        let by_ray = |_| Some("winding numbers are those of one ray; see generalised_winding_number");
-        let (numbers, shape) = self.with_points(points, by_ray, Bvh::par_winding_numbers)?;
+        let by_ray = |rule| {
+            inside_rule(rule).map(|_| "winding numbers are those of one ray; see generalised_winding_number")
+        };
+        let (numbers, shape) = self.with_points(
+            points,
+            by_ray,
+            |bvh, point, traversal| bvh.winding_number(point, traversal),
+            Bvh::par_winding_numbers,
+        )?;
         in_shape(vector(points.py(), numbers), &shape)
     }
 
@@ -514,8 +636,11 @@ impl Mesh {
         max_distance: Option<f64>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (py, points) = (points.py(), Points::new(points)?);
-        let (state, limit) = (self.now(), max_distance_of(max_distance)?);
-        let found = points.results(|points| state.bvh.par_closest_points_within(points, limit))?;
+        let (state, limit) = (self.now(py)?, max_distance_of(max_distance)?);
+        let found = points.results(
+            |point, traversal| state.bvh.closest_point_within(point, limit, traversal),
+            |points| state.bvh.par_closest_points_within(points, limit),
+        )?;
         let location =
             found.iter().map(|closest| closest.map_or([f64::NAN; 3], |closest| closest.point.to_array()));
         let distance = found.iter().map(|closest| closest.map_or(f64::NAN, |closest| closest.distance));
@@ -536,17 +661,22 @@ impl Mesh {
     fn nearest<'py>(
         &self,
         points: &Bound<'py, PyAny>,
-        count: Option<usize>,
+        count: Option<i64>,
         max_distance: Option<f64>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (py, points) = (points.py(), Points::new(points)?);
+        let of_count = |count: i64| {
+            let mistake = |_| PyValueError::new_err(format!("count: {count} is not 0 or more"));
+            usize::try_from(count).map_err(mistake)
+        };
+        let count = count.map(of_count).transpose()?;
         if count.is_none() && max_distance.is_none() {
             return Err(PyValueError::new_err("count: give it, max_distance, or both"));
         }
         let (count, limit) = (count.unwrap_or(usize::MAX), max_distance_of(max_distance)?);
-        let state = self.now();
+        let state = self.now(py)?;
         let (rows_of_points, mut found) = (points.get()?, Vec::new());
-        in_ranges(py, rows_of_points.len(), |range| {
+        in_ranges(py, (rows_of_points.len(), POINTS), |range| {
             let lists = state.bvh.par_nearest(&rows_of_points[range.clone()], count, limit);
             let of_point = |(index, list): (usize, &[ClosestPoint])| {
                 list.iter().map(|near| (index, *near)).collect::<Vec<_>>()
@@ -576,7 +706,7 @@ impl Mesh {
         if !min.cmple(max).all() {
             return Err(PyValueError::new_err(format!("max: {max} is not above {min} on each axis")));
         }
-        let state = self.now();
+        let state = self.now(py)?;
         let found = in_threads(py, || state.bvh.in_box(min, max, &mut Traversal::default()))?;
         result(py, "Primitives", located(py, &state, found.into_iter()))
     }
@@ -590,7 +720,7 @@ impl Mesh {
             let what = format!("other: expected a Mesh, not {}", other.get_type().name()?);
             return Err(PyTypeError::new_err(what));
         };
-        let [own, other] = [self.now(), other.get().now()];
+        let [own, other] = [self.now(py)?, other.get().now(py)?];
         let pairs = in_threads(py, || own.bvh.par_intersecting_triangles(&other.bvh))?;
         let [object, triangle] = located(py, &own, pairs.iter().map(|pair| pair[0]));
         let [other_object, other_triangle] = located(py, &other, pairs.iter().map(|pair| pair[1]));
@@ -600,7 +730,12 @@ impl Mesh {
     /// The distances of points from the surface, negative inside as `contains` decides: (n,) float64; nan for a mesh
     /// without triangles. Warns as `contains`. points: (n, 3) float64.
     fn signed_distance<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        let (distances, shape) = self.with_points(points, inside_rule, Bvh::par_signed_distances)?;
+        let (distances, shape) = self.with_points(
+            points,
+            inside_rule,
+            |bvh, point, traversal| bvh.signed_distance(point, traversal),
+            Bvh::par_signed_distances,
+        )?;
         let distances: Vec<f64> =
             distances.into_iter().map(|distance| distance.unwrap_or(f64::NAN)).collect();
         in_shape(vector(points.py(), distances), &shape)
@@ -608,7 +743,7 @@ impl Mesh {
 
     /// The edges that keep the surface from being closed: Closedness. Computed at the first call.
     fn closedness<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let state = self.now();
+        let state = self.now(py)?;
         let closedness = in_threads(py, || state.bvh.closedness())?;
         let Closedness { boundary_edges, non_manifold_edges, unbalanced_edges, inconsistent_edges } =
             closedness;
@@ -616,6 +751,18 @@ impl Mesh {
         let counts = counts.map(|count| count.into_pyobject(py).map(Bound::into_any));
         result(py, "Closedness", counts.into_iter().collect::<Result<Vec<_>, _>>()?)
     }
+}
+
+/// The error of an attribute that only a mesh of arrays has.
+fn not_of_arrays(name: &str) -> PyErr {
+    PyAttributeError::new_err(format!("{name}: only a Mesh that is made of vertices and faces has them"))
+}
+
+/// The faces of arrays: (m, 3) uint32.
+fn faces_of<'py>(py: Python<'py>, arrays: &Arrays) -> PyResult<Bound<'py, PyAny>> {
+    let mut faces = zeros::<u32, 2>(py, [arrays.faces.len(), 3])?;
+    faces.as_slice_mut()?.copy_from_slice(arrays.faces.as_flattened());
+    Ok(any(&faces))
 }
 
 /// The objects of primitives, and their indices in these.
@@ -626,7 +773,7 @@ fn located<'py>(
 ) -> [Bound<'py, PyAny>; 2] {
     let (objects, triangles): (Vec<i64>, Vec<i64>) = primitives
         .map(|prim| state.locate(prim))
-        .map(|(object, triangle)| (object as i64, i64::from(triangle)))
+        .map(|(object, triangle)| (i64::from(state.objects[object].number), i64::from(triangle)))
         .unzip();
     [vector(py, objects), vector(py, triangles)]
 }

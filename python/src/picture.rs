@@ -164,38 +164,21 @@ impl Prepared {
         Picture::new(py, picture, notes)
     }
 
-    /// Computes the AOVs of a picture alone.
-    fn aovs(&self, py: Python, options: &Bound<Options>, aovs: Vec<String>) -> PyResult<Aovs> {
+    /// The AOVs of a picture by name, without its colours.
+    fn aovs<'py>(
+        &self,
+        py: Python<'py>,
+        options: &Bound<'py, Options>,
+        aovs: Vec<String>,
+    ) -> PyResult<Bound<'py, PyDict>> {
         let (options, scene) = (Arc::clone(&options.get().0), Arc::clone(&self.scene));
         check_import(scene.scene(), &options)?;
-        let (computed, notes) =
+        let (computed, _) =
             rendered(py, None, move |control, warnings| scene.aovs(&options, &aovs, control, warnings))?;
         let window = computed.window;
         let aovs = computed.by_name().into_iter();
         let values = |channels: Vec<Channel>| channels.into_iter().map(|channel| channel.values).collect();
-        let aovs = arrays(py, window, aovs.map(|(name, channels)| (name, values(channels))))?;
-        Ok(Aovs { aovs: aovs.unbind(), size: [window.width, window.height], notes })
-    }
-}
-
-/// The AOVs of a picture without its colours.
-#[pyclass(frozen, module = "kiln")]
-pub(crate) struct Aovs {
-    /// The AOVs by name, as those of a Picture.
-    #[pyo3(get)]
-    aovs: Py<PyDict>,
-    /// Width and height in pixels.
-    size: [u32; 2],
-    /// What was decided automatically.
-    #[pyo3(get)]
-    notes: Vec<String>,
-}
-
-#[pymethods]
-impl Aovs {
-    fn __repr__(&self, py: Python) -> PyResult<String> {
-        let [width, height] = self.size;
-        Ok(format!("<kiln.Aovs {width} x {height}{}>", named(py, ": ", &self.aovs)?))
+        arrays(py, window, aovs.map(|(name, channels)| (name, values(channels))))
     }
 }
 

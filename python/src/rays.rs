@@ -10,9 +10,9 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::arrays::{check_shape, chunks, converted, per_ray, vectors_of};
-use crate::state::State;
-use crate::threads::{in_ranges, in_threads};
+use crate::arrays::{check_shape, chunks, converted, named_rows, per_ray, vectors_of};
+use crate::state::{ObjectPart, State};
+use crate::threads::{RAYS, in_ranges, in_threads};
 
 /// Vectors of an argument: a row for each ray, or one vector for all of them.
 enum Rows<'py> {
@@ -65,10 +65,51 @@ impl<'py> RayArguments<'py> {
     pub(crate) fn rays(&self, py: Python, bvh: &Bvh) -> PyResult<RayArrays<'_>> {
         let [origins, directions] = [self.origins.get()?, self.directions.get()?];
         let t_max = self.max_distance.as_deref();
-        in_threads(py, || bvh.rays(origins, directions, t_max))?.map_err(|error| match error {
-            InvalidRays::Ray { index, why } => invalid(index, why),
+        let rays = in_threads(py, || bvh.rays(origins, directions, t_max))?.map_err(|error| match error {
+            InvalidRays::Ray { index, why } => self.invalid(bvh, index, why),
             other => PyValueError::new_err(other.to_string()),
-        })
+        })?;
+        Ok(self.width().map_or(rays, |width| rays.in_rows(width)))
+    }
+
+    /// The width of the picture that the rays are of: that of an array of at least as many columns as a packet has rays.
+    fn width(&self) -> Option<usize> {
+        let (width, rest) = self.shape.split_last()?;
+        (!rest.is_empty() && *width >= 64).then_some(*width)
+    }
+
+    /// The number of rays, and of those that are traced together: of pictures whole rows of tiles.
+    pub(crate) fn ranges(&self) -> (usize, usize) {
+        let task = |width: usize| 8 * width * (RAYS / (8 * width)).max(1);
+        (self.shape.iter().product(), self.width().map_or(RAYS, task))
+    }
+
+    /// The exception of invalid rays, of which the first is at `index`.
+    fn invalid(&self, bvh: &Bvh, index: usize, why: NotFinite) -> PyErr {
+        let argument = match why {
+            NotFinite::Direction => "directions",
+            NotFinite::Distance | NotFinite::MinDistance => "max_distance",
+            _ => "origins",
+        };
+        let rows = || -> PyResult<String> {
+            let [origins, directions] = [self.origins.get()?, self.directions.get()?];
+            let is_same = |row: &usize| {
+                bvh.ray_within(origins[*row], directions[*row], self.t_max(*row)).err() == Some(why)
+            };
+            Ok(named_rows((index..origins.len()).filter(is_same)).0)
+        };
+        match rows() {
+            Ok(rows) => PyValueError::new_err(format!("{argument}: {rows}: {why}")),
+            Err(error) => error,
+        }
+    }
+
+    fn t_max(&self, row: usize) -> f64 {
+        match self.max_distance.as_deref() {
+            None => f64::INFINITY,
+            Some(&[one]) => one,
+            Some(each) => each[row],
+        }
     }
 
     /// The rays, checked, if they are so few that starting threads would take longer than tracing them.
@@ -79,29 +120,15 @@ impl<'py> RayArguments<'py> {
         }
         let mut rays = RayBuffer::default();
         for (row, (&origin, &direction)) in origins.iter().zip(directions).enumerate() {
-            let t_max = match self.max_distance.as_deref() {
-                None => f64::INFINITY,
-                Some(&[one]) => one,
-                Some(each) => each[row],
-            };
-            rays.push(&bvh.ray_within(origin, direction, t_max).map_err(|why| invalid(row, why))?);
+            let ray = bvh.ray_within(origin, direction, self.t_max(row));
+            rays.push(&ray.map_err(|why| self.invalid(bvh, row, why))?);
         }
         Ok(Some(rays))
     }
 }
 
-/// The most rays that are traced by the calling thread.
-const FEW: usize = 64;
-
-/// The exception of an invalid ray.
-fn invalid(row: usize, why: NotFinite) -> PyErr {
-    let argument = match why {
-        NotFinite::Direction => "directions",
-        NotFinite::Distance | NotFinite::MinDistance => "max_distance",
-        _ => "origins",
-    };
-    PyValueError::new_err(format!("{argument}: row {row}: {why}"))
-}
+/// The most rays or points of a query by the calling thread.
+pub(crate) const FEW: usize = 64;
 
 /// Lists of results of consecutive ranges of rays, each with the index of its first ray.
 pub(crate) type RangeLists<T> = Vec<(usize, Lists<T>)>;
@@ -113,7 +140,7 @@ pub(crate) fn lists_of<'a, T: Send>(
     query: impl Fn(RayArrays<'a>) -> Lists<T> + Sync,
 ) -> PyResult<(RangeLists<T>, usize)> {
     let mut lists = Vec::new();
-    in_ranges(py, rays.len(), |range| lists.push((range.start, query(rays.slice(range)))))?;
+    in_ranges(py, (rays.len(), RAYS), |range| lists.push((range.start, query(rays.slice(range)))))?;
     let count = lists.iter().map(|(_, lists)| lists.values()).sum();
     Ok((lists, count))
 }
@@ -135,7 +162,7 @@ impl Filter {
         culls_back_faces: bool,
         passes_transparent: bool,
     ) -> PyResult<Option<Self>> {
-        let objects = objects.map(|value| selected(value, state.objects.len())).transpose()?;
+        let objects = objects.map(|value| selected(value, &state.objects)).transpose()?;
         let scene = state.scene.as_ref().filter(|_| passes_transparent);
         let opacity = scene.map(|scene| (Arc::clone(scene), SceneOpacity::new(scene)));
         let is_any = objects.is_some() || culls_back_faces || opacity.is_some();
@@ -155,9 +182,9 @@ impl Filter {
     }
 }
 
-/// A flag for each of `count` objects, of their flags or indices.
-fn selected(value: &Bound<PyAny>, count: usize) -> PyResult<Vec<bool>> {
-    let array = value.py().import("numpy")?.call_method1("atleast_1d", (value,))?;
+/// A flag for each object, of their flags or numbers.
+fn selected(value: &Bound<PyAny>, objects: &[ObjectPart]) -> PyResult<Vec<bool>> {
+    let (array, count) = (value.py().import("numpy")?.call_method1("atleast_1d", (value,))?, objects.len());
     if let Ok(flags) = array.extract::<PyReadonlyArray1<bool>>() {
         let flags: Vec<bool> = flags.as_array().iter().copied().collect();
         if flags.len() != count {
@@ -166,13 +193,13 @@ fn selected(value: &Bound<PyAny>, count: usize) -> PyResult<Vec<bool>> {
         }
         return Ok(flags);
     }
-    let indices = converted(&array, "objects", ("iu", "int64"))?.call_method1("reshape", (-1,))?;
+    let numbers = converted(&array, "objects", ("iu", "int64"))?.call_method1("reshape", (-1,))?;
     let mut flags = vec![false; count];
-    for &index in indices.extract::<PyReadonlyArray1<i64>>()?.as_slice()? {
-        match usize::try_from(index).ok().and_then(|index| flags.get_mut(index)) {
-            Some(flag) => *flag = true,
-            None => {
-                let what = format!("objects: there is no object {index} among {count}");
+    for &number in numbers.extract::<PyReadonlyArray1<i64>>()?.as_slice()? {
+        match objects.binary_search_by_key(&number, |object| object.number.into()) {
+            Ok(index) => flags[index] = true,
+            Err(_) => {
+                let what = format!("objects: there is no object {number} among {count}");
                 return Err(PyValueError::new_err(what));
             }
         }

@@ -166,7 +166,7 @@ impl Scene {
 
     /// The triangles and analytic shapes for queries.
     fn mesh(&self, py: Python, tier: &str, preset: &str) -> PyResult<crate::mesh::Mesh> {
-        Ok(crate::mesh::Mesh::of(State::of_scene(py, self.now(), named(tier, preset)?)?))
+        Ok(crate::mesh::Mesh::of(State::of_scene(py, self.now(), named(tier, preset)?)?, None))
     }
 
     /// The number of triangles and analytic shapes.

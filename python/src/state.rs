@@ -1,9 +1,9 @@
 //! [`State`]: the structure, objects and scene of a mesh, which queries read.
 
 use std::fmt::Display;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-use kiln::bvh::{Bvh, CoarseRounding, Hit, Numerics, Placed, Preset, PrimId, Primitive, Ray};
+use kiln::bvh::{Bvh, CoarseRounding, Hit, InsideRule, Numerics, Preset, PrimId, Primitive, Ray};
 use kiln::glam::{DVec2, DVec3};
 use kiln::scene::Scene;
 use pyo3::exceptions::PyValueError;
@@ -13,6 +13,7 @@ use crate::threads::in_threads;
 use crate::warn;
 
 /// An immutable structure of the primitives of objects.
+#[derive(Clone)]
 pub(crate) struct State {
     pub bvh: Bvh,
     /// The number of primitives.
@@ -21,16 +22,25 @@ pub(crate) struct State {
     pub objects: Vec<ObjectPart>,
     /// The scene of these objects, if they are of one.
     pub scene: Option<Arc<Scene>>,
-    /// The meshes and transforms of [`Instances`](crate::instances::Instances); empty of others.
-    pub parts: Parts,
+    /// Of a mesh that is made from arrays.
+    pub arrays: Option<Arc<Arrays>>,
+    /// That of the parts of [`Instances`](crate::instances::Instances).
+    pub version: u64,
+    inside_rule: OnceLock<(InsideRule, usize)>,
 }
 
-/// By number; `None` for those that were removed.
-pub(crate) type Parts = Vec<Option<Placed>>;
+/// What remains of the arrays that a mesh is made from.
+pub(crate) struct Arrays {
+    pub vertices: usize,
+    pub faces: Vec<[u32; 3]>,
+    pub preset: Preset,
+}
 
 /// The part of the primitives that is an object.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct ObjectPart {
+    /// Its index in a scene, or its number among instances.
+    pub number: u32,
     /// Its first primitive.
     pub first: u32,
     /// Its index among the placements of the same mesh.
@@ -42,9 +52,10 @@ pub(crate) fn named(tier: &str, preset: &str) -> PyResult<(Numerics, Preset)> {
     let unknown = |argument: &str, given: &str, known: Vec<&str>| {
         PyValueError::new_err(format!("{argument}: `{given}` is none of {}", known.join(", ")))
     };
-    let numerics = Numerics::named(tier);
-    let numerics =
-        numerics.ok_or_else(|| unknown("tier", tier, Numerics::ALL.map(Numerics::name).to_vec()))?;
+    // `fast` is for measurements: its rays may miss what they hit.
+    let tiers = || Numerics::ALL.into_iter().filter(|numerics| *numerics != Numerics::Fast);
+    let numerics = tiers().find(|numerics| numerics.name() == tier);
+    let numerics = numerics.ok_or_else(|| unknown("tier", tier, tiers().map(Numerics::name).collect()))?;
     let known = Preset::named(preset);
     let preset = known.ok_or_else(|| unknown("preset", preset, Preset::ALL.map(Preset::name).to_vec()))?;
     Ok((numerics, preset))
@@ -72,32 +83,46 @@ fn corners(faces: &[[u32; 3]], vertices: &[[f64; 3]]) -> impl Iterator<Item = Pr
 }
 
 impl State {
+    /// A state of objects alone.
+    pub(crate) fn of(bvh: Bvh, primitives: usize, objects: Vec<ObjectPart>) -> Self {
+        let inside_rule = OnceLock::new();
+        State { bvh, primitives, objects, scene: None, arrays: None, version: 0, inside_rule }
+    }
+
     /// The triangles of one object.
     pub(crate) fn of_triangles(
         py: Python,
         vertices: &[[f64; 3]],
-        faces: &[[u32; 3]],
+        faces: Vec<[u32; 3]>,
         (numerics, preset): (Numerics, Preset),
     ) -> PyResult<Self> {
         // A copy, since other threads may change the array during the build.
         let vertices = vertices.to_vec();
         let bvh =
-            in_threads(py, || Bvh::from_mesh_with(&vertices, faces, preset, numerics))?.map_err(invalid)?;
-        Self::of_object(py, bvh, &vertices, faces)
+            in_threads(py, || Bvh::from_mesh_with(&vertices, &faces, preset, numerics))?.map_err(invalid)?;
+        Self::of_object(py, bvh, &vertices, Arc::new(Arrays { vertices: vertices.len(), faces, preset }))
     }
 
     /// The same triangles of one object with other vertices.
-    pub(crate) fn updated(&self, py: Python, vertices: &[[f64; 3]], faces: &[[u32; 3]]) -> PyResult<Self> {
+    pub(crate) fn updated(&self, py: Python, vertices: &[[f64; 3]], arrays: &Arc<Arrays>) -> PyResult<Self> {
         let (mut bvh, vertices) = (self.bvh.clone(), vertices.to_vec());
-        in_threads(py, || bvh.update(corners(faces, &vertices)))?.map_err(invalid)?;
-        Self::of_object(py, bvh, &vertices, faces)
+        in_threads(py, || bvh.update_mesh(&vertices, &arrays.faces))?.map_err(invalid)?;
+        Self::of_object(py, bvh, &vertices, Arc::clone(arrays))
+    }
+
+    /// The same state without what generalised winding numbers are computed from.
+    pub(crate) fn lean(&self) -> Self {
+        let mut lean = self.clone();
+        lean.bvh.forget_expansions();
+        lean
     }
 
     /// The structure of the triangles of one object. Warns of coarse rounding.
-    fn of_object(py: Python, bvh: Bvh, vertices: &[[f64; 3]], faces: &[[u32; 3]]) -> PyResult<Self> {
+    fn of_object(py: Python, bvh: Bvh, vertices: &[[f64; 3]], arrays: Arc<Arrays>) -> PyResult<Self> {
+        let faces = &arrays.faces;
         warn_of_rounding(py, bvh.accelerator().numerics(), || corners(faces, vertices), "")?;
-        let objects = vec![ObjectPart::default()];
-        Ok(State { bvh, primitives: faces.len(), objects, scene: None, parts: Vec::new() })
+        let state = State::of(bvh, faces.len(), vec![ObjectPart::default()]);
+        Ok(State { arrays: Some(arrays), ..state })
     }
 
     /// The primitives of a scene.
@@ -107,15 +132,24 @@ impl State {
         (numerics, preset): (Numerics, Preset),
     ) -> PyResult<Self> {
         let mut primitives = 0;
-        let part = |(object, instance): (&kiln::scene::Object, u32)| {
+        let part = |(number, (object, instance)): (u32, (&kiln::scene::Object, u32))| {
             let first = primitives as u32;
             primitives += object.shape.primitive_count();
-            ObjectPart { first, instance }
+            ObjectPart { number, first, instance }
         };
-        let objects = scene.objects.iter().zip(scene.placement_indices()).map(part).collect();
+        let objects = (0..).zip(scene.objects.iter().zip(scene.placement_indices())).map(part).collect();
         let bvh = in_threads(py, || scene.bvh_with(preset, numerics))?.map_err(invalid)?;
         warn_of_rounding(py, numerics, || scene.primitives(), "")?;
-        Ok(State { bvh, primitives, objects, scene: Some(scene), parts: Vec::new() })
+        Ok(State { scene: Some(scene), ..State::of(bvh, primitives, objects) })
+    }
+
+    /// What decides whether a point is inside, and the number of unbalanced edges. Found by the first call.
+    pub(crate) fn inside_rule(&self, py: Python) -> PyResult<(InsideRule, usize)> {
+        if let Some(known) = self.inside_rule.get() {
+            return Ok(*known);
+        }
+        let found = in_threads(py, || (self.bvh.inside_rule(), self.bvh.unbalanced_edges()))?;
+        Ok(*self.inside_rule.get_or_init(|| found))
     }
 
     /// The index of the object of a primitive, and that of the primitive in the object.

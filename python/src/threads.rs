@@ -37,14 +37,21 @@ pub(crate) fn in_threads<R: Send>(py: Python, work: impl FnOnce() -> R + Send) -
     Ok(py.detach(|| pool.install(work)))
 }
 
-/// The queries of a task of the library: [`in_ranges`] keeps to multiples of these for each thread.
-const GROUP: usize = 1 << 12;
+/// The rays of a task of the library: [`in_ranges`] keeps to multiples of these for each thread.
+pub(crate) const RAYS: usize = 1 << 12;
+
+/// The points of a range at first: tasks of points are as small as it takes for each thread to have one.
+pub(crate) const POINTS: usize = 1 << 8;
 
 /// Calls `work` with consecutive ranges of `count` queries in the pool, without the GIL, and checks signals after each of
-/// them. Ranges take about [`POLL_INTERVAL`], and at least a group of queries for each thread.
-pub(crate) fn in_ranges(py: Python, count: usize, mut work: impl FnMut(Range<usize>) + Send) -> PyResult<()> {
+/// them. Ranges take about [`POLL_INTERVAL`], and at least `group` queries for each thread.
+pub(crate) fn in_ranges(
+    py: Python,
+    (count, group): (usize, usize),
+    mut work: impl FnMut(Range<usize>) + Send,
+) -> PyResult<()> {
     let pool = pool(py)?;
-    let least = GROUP * pool.current_num_threads();
+    let least = group * pool.current_num_threads();
     let (mut first, mut len) = (0, 4 * least);
     while first < count {
         let range = first..count.min(first + len);
@@ -53,6 +60,7 @@ pub(crate) fn in_ranges(py: Python, count: usize, mut work: impl FnMut(Range<usi
         py.detach(|| pool.install(|| work(range)));
         py.check_signals()?;
         match start.elapsed() {
+            time if time < POLL_INTERVAL / 8 => len *= 8,
             time if time < POLL_INTERVAL / 2 => len *= 2,
             time if time > 2 * POLL_INTERVAL => len = least.max(len / 2 / least * least),
             _ => {}

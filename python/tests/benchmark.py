@@ -1,12 +1,16 @@
-"""The table of docs/python.md: queries and their wrong answers beside trimesh with embreex, and Open3D if installed.
+"""The table of docs/python.md: queries and their wrong answers beside trimesh with embreex, and Open3D and libigl if
+they are installed.
 
-    KILN_MODELS=/path/to/models python benchmark.py [--threads N] [RAYS]
+    KILN_MODELS=/path/to/models python benchmark.py [--threads N [N ...]] [RAYS]
 
-Seconds are those of a clock, by libraries in turns: the best of three runs, for points of one run; threads are those of kiln and Open3D (2 by
-default), since embreex has one. Times of a mesh from arrays include its structure, not the conversion of arrays to f32.
+Seconds are those of a clock, by libraries in turns: the best of three runs, for points of one run; with several numbers
+of threads `a/b`. Each number has a process of its own; embreex has one thread. Times of a mesh from arrays include its
+structure, not the conversion of arrays to f32.
 """
 
 import argparse
+import importlib.util
+import json
 import os
 import subprocess
 import sys
@@ -17,14 +21,34 @@ from pathlib import Path
 
 parser = argparse.ArgumentParser()
 parser.add_argument("rays", nargs="?", type=float, default=1e6)
-parser.add_argument("--threads", type=int, default=2)
+parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
+parser.add_argument("--rows", action="store_true", help="print the rows as JSON, each with a number for each library")
 parser.add_argument("--peak", nargs=2, help="print the memory that a library adds for a mesh in a file, in MiB")
 arguments = parser.parse_args()
-os.environ["RAYON_NUM_THREADS"] = str(arguments.threads)
+THREADS = arguments.threads[0]
+for name in ("RAYON_NUM_THREADS", "IGL_NUM_THREADS"):
+    os.environ[name] = str(THREADS)
+
+if not (arguments.rows or arguments.peak):
+    tables = []
+    for threads in arguments.threads:
+        command = [sys.executable, __file__, str(arguments.rays), "--threads", str(threads), "--rows"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            tables.append([json.loads(line) for line in process.stdout])
+        if process.returncode:
+            sys.exit(process.returncode)
+    libraries = tables[0].pop(0)
+    [table.pop(0) for table in tables[1:]]
+    print(f"| {'/'.join(map(str, arguments.threads))} threads | {' | '.join(libraries)} |")
+    print(f"| --- |{' --- |' * len(libraries)}")
+    for rows in zip(*tables):
+        cells = ["/".join(dict.fromkeys(row[1][name] for row in rows if name in row[1])) or "–" for name in libraries]
+        print(f"| {rows[0][0]} | {' | '.join(cells)} |")
+    sys.exit()
 
 import numpy as np  # noqa: E402
 
-LIBRARIES = ("kiln", "trimesh with embreex", "Open3D")
+LIBRARIES = ["kiln", "trimesh with embreex", "Open3D", "libigl"]
 
 
 class Kiln:
@@ -47,6 +71,9 @@ class Kiln:
 
     def signed_distance(self, points):
         return self.mesh.signed_distance(points)
+
+    def generalised(self, points):
+        return self.mesh.generalised_winding_number(points)
 
 
 class Trimesh:
@@ -78,7 +105,7 @@ class Open3D:
     def __init__(self, vertices, faces):
         import open3d
 
-        self.scene = open3d.t.geometry.RaycastingScene(nthreads=arguments.threads)
+        self.scene = open3d.t.geometry.RaycastingScene(nthreads=THREADS)
         self.scene.add_triangles(np.asarray(vertices, np.float32), np.asarray(faces, np.uint32))
         self.scene.cast_rays(np.zeros((1, 6), np.float32))
 
@@ -87,22 +114,41 @@ class Open3D:
         return np.concatenate([origins, directions], axis=1).astype(np.float32)
 
     def first(self, origins, directions):
-        return np.isfinite(self.scene.cast_rays(self.rays(origins, directions), arguments.threads)["t_hit"].numpy())
+        return np.isfinite(self.scene.cast_rays(self.rays(origins, directions), THREADS)["t_hit"].numpy())
 
     def any(self, origins, directions):
-        return self.scene.test_occlusions(self.rays(origins, directions), nthreads=arguments.threads).numpy()
+        return self.scene.test_occlusions(self.rays(origins, directions), nthreads=THREADS).numpy()
 
     def all(self, origins, directions):
-        return self.scene.list_intersections(self.rays(origins, directions), arguments.threads)
+        return self.scene.list_intersections(self.rays(origins, directions), THREADS)
 
     def contains(self, points):
-        return self.scene.compute_occupancy(points.astype(np.float32), arguments.threads).numpy() > 0.5
+        return self.scene.compute_occupancy(points.astype(np.float32), THREADS).numpy() > 0.5
 
     def signed_distance(self, points):
-        return self.scene.compute_signed_distance(points.astype(np.float32), arguments.threads).numpy()
+        return self.scene.compute_signed_distance(points.astype(np.float32), THREADS).numpy()
 
 
-CLASSES = dict(zip(LIBRARIES, (Kiln, Trimesh, Open3D)))
+class Libigl:
+    def __init__(self, vertices, faces):
+        import igl
+
+        self.igl, self.arrays = igl, (np.asarray(vertices, np.float64), np.asarray(faces, np.int64))
+        self.tree = igl.FastWindingNumberBVH()
+        self.tree.init(*self.arrays)
+
+    def generalised(self, points):
+        return self.tree.winding_number(points)
+
+    def contains(self, points):
+        return self.generalised(points) > 0.5
+
+    def signed_distance(self, points):
+        kind = self.igl.SIGNED_DISTANCE_TYPE_FAST_WINDING_NUMBER
+        return self.igl.signed_distance(points, *self.arrays, kind)[0]
+
+
+CLASSES = dict(zip(LIBRARIES, (Kiln, Trimesh, Open3D, Libigl)))
 
 if arguments.peak:
 
@@ -128,10 +174,9 @@ import kiln  # noqa: E402
 random = np.random.default_rng(0)
 count = int(arguments.rays)
 warnings.simplefilter("ignore", kiln.KilnWarning)
-try:
-    import open3d
-except ImportError:
-    LIBRARIES = LIBRARIES[:2]
+LIBRARIES = LIBRARIES[:2] + [
+    name for name, module in (("Open3D", "open3d"), ("libigl", "igl")) if importlib.util.find_spec(module)
+]
 
 
 def best(calls: dict, runs: int = 3) -> dict:
@@ -145,9 +190,8 @@ def best(calls: dict, runs: int = 3) -> dict:
     return seconds
 
 
-def row(what, values: dict, form: str = "{:.3f}") -> None:
-    cells = [form.format(values[name]) if name in values else "–" for name in LIBRARIES]
-    print(f"| {what} | {' | '.join(cells)} |", flush=True)
+def row(what, values: dict, form: str = "{:.2f}") -> None:
+    print(json.dumps([what, {name: form.format(value) for name, value in values.items()}]), flush=True)
 
 
 def times(name, vertices, faces, points: int):
@@ -158,23 +202,25 @@ def times(name, vertices, faces, points: int):
     origins, targets = (low + high) / 2 + around, random.uniform(low, high, (count, 3))
     rays = origins, targets - origins
     row(
-        f"{name}, {len(faces)} triangles: build, s",
+        f"{name}, {len(faces)} triangles: build",
         best({library: lambda c=CLASSES[library]: c(vertices, faces) for library in LIBRARIES}),
     )
     engines = {library: CLASSES[library](vertices, faces) for library in LIBRARIES}
 
     def timed(query, *values, runs=3):
-        return best({key: lambda e=e: getattr(e, query)(*values) for key, e in engines.items()}, runs)
+        able = {key: e for key, e in engines.items() if hasattr(e, query)}
+        return best({key: lambda e=e: getattr(e, query)(*values) for key, e in able.items()}, runs)
 
-    row(f"closest hits of {count} rays, s", timed("first", *rays))
-    row("whether they hit anything, s", timed("any", *rays))
-    row("all hits, s", timed("all", *rays))
+    row(f"closest hits of {count} rays", timed("first", *rays))
+    row("whether they hit anything", timed("any", *rays))
+    row("all hits", timed("all", *rays))
     if points:
         where = random.uniform(low, high, (points, 3))
-        row(f"whether {points} points are inside, s", timed("contains", where, runs=1))
+        row(f"{points} points inside or not", timed("contains", where, runs=1))
+        row("their generalised winding numbers", timed("generalised", where, runs=1))
         # trimesh takes minutes.
         del engines["trimesh with embreex"]
-        row(f"signed distances of {points} points, s", timed("signed_distance", where, runs=1))
+        row("their signed distances", timed("signed_distance", where, runs=1))
 
 
 def poses(vertices, faces):
@@ -194,8 +240,8 @@ def poses(vertices, faces):
     scene.add(vertices, faces)
     prepared = kiln.Prepared(scene)
     cameras = [{"K": K, "pose": matrix, "axes": "opencv"} for matrix in matrices]
-    names = ["depth", "geometric-normal", "object"]
-    calls = {"kiln": lambda: prepared.render_many(cameras, size=(640, 480), aovs=names)}
+    names = ["depth", "normal", "object"]
+    calls = {"kiln": lambda: list(prepared.render_many(cameras, size=(640, 480), aovs=names))}
     calls["kiln"]()
     if "Open3D" in LIBRARIES:
         theirs = Open3D(vertices, faces).scene
@@ -205,10 +251,10 @@ def poses(vertices, faces):
                 # Its pixels' centres are at halves.
                 centred = K + [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]
                 rays = theirs.create_rays_pinhole(centred, np.linalg.inv(matrix), 640, 480)
-                theirs.cast_rays(rays, arguments.threads)
+                theirs.cast_rays(rays, THREADS)
 
         calls["Open3D"] = cast
-    row("50 poses of 640 x 480: depth, normal, object, s", best(calls))
+    row("50 poses of 640 x 480: depth, normal, object", best(calls))
 
 
 def peak():
@@ -221,8 +267,8 @@ def peak():
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "mesh.npz"
         np.savez(file, vertices=vertices, faces=faces)
-        command = [sys.executable, __file__, "--threads", str(arguments.threads), "--peak"]
-        used = {name: float(subprocess.check_output([*command, name, file])) for name in LIBRARIES}
+        command = [sys.executable, __file__, "--threads", str(THREADS), "--peak"]
+        used = {name: float(subprocess.check_output([*command, name, file])) for name in LIBRARIES if name != "libigl"}
     row(f"memory at most, {len(faces)} triangles, MiB", used, "{:.0f}")
 
 
@@ -244,7 +290,8 @@ def errors():
     leaks, wrong = {}, {}
     for library in LIBRARIES:
         engine = CLASSES[library](vertices, faces)
-        leaks[library] = np.count_nonzero(~engine.first(origins, targets - origins))
+        if hasattr(engine, "first"):
+            leaks[library] = np.count_nonzero(~engine.first(origins, targets - origins))
         wrong[library] = np.count_nonzero(engine.contains(points) != inside)
     row(f"rays that leak, of {count} to vertices and edges of a closed sphere", leaks, "{}")
     row(f"wrong answers to what is inside, of {len(points)} points", wrong, "{}")
@@ -255,7 +302,7 @@ def model(name):
     return np.array(mesh.vertices, float), np.array(mesh.faces)
 
 
-print(f"| {arguments.threads} threads | {' | '.join(LIBRARIES)} |\n| --- |{' --- |' * len(LIBRARIES)}")
+print(json.dumps(LIBRARIES), flush=True)
 if "KILN_MODELS" in os.environ:
     bunny = model("stanford-bunny.obj")
     times("bunny", *bunny, points=count)

@@ -1,6 +1,7 @@
 """Meshes placed by transforms: equal to copies, to the bit, after every change."""
 
 import threading
+import warnings
 
 import numpy as np
 import pytest
@@ -136,6 +137,59 @@ def test_mirrored_parts_keep_their_outside():
     assert whole.closedness().is_closed and whole.contains([[0.9, 0, 0], [-0.9, 0, 0]]).all()
 
 
+@pytest.mark.parametrize("is_open", [False, True])
+def test_points_of_moved_parts(is_open):
+    """After every motion the answers of a new mesh of the same parts, to the bit."""
+    random = np.random.default_rng(8)
+    points = random.uniform(-4, 4, (2000, 3))
+    vertices, faces = icosphere(2)
+    faces = faces[5:] if is_open else faces
+    matrices = [turned(random) for _ in range(8)]
+
+    def answers(parts):
+        inside, margin = parts.contains(points, return_margin=True)
+        numbers = parts.generalised_winding_number(points)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", kiln.KilnWarning)
+            return [inside, margin, *numbers, parts.signed_distance(points), parts.winding_number(points)]
+
+    moving = kiln.Instances()
+    part = moving.add(vertices, faces, matrices[0])
+    moving.add_copies(part, matrices[1:])
+    for step in range(4):
+        for expected, found in zip(answers(built(matrices, vertices, faces)), answers(moving), strict=True):
+            np.testing.assert_array_equal(expected, found)
+        matrices[step] = turned(random)
+        moving.set_transform(step, matrices[step])
+    assert moving.closedness().is_closed != is_open
+
+
+def built(matrices, vertices, faces):
+    parts = kiln.Instances()
+    first = parts.add(vertices, faces, matrices[0])
+    parts.add_copies(first, matrices[1:])
+    return parts
+
+
+def test_removed_parts_leave_nothing():
+    parts = kiln.Instances()
+    kept = parts.add(*TETRAHEDRON)
+    for step in range(100):
+        number = parts.add(*TETRAHEDRON, at(z=2))
+        assert number == step + 1
+        parts.remove(number)
+    assert parts.objects.tolist() == [kept] and repr(parts).startswith("<kiln.Instances of 1 objects, 4 triangles")
+    other = parts.add(*TETRAHEDRON, at(z=2))
+    ray = [0.1, 0.1, 9], [0, 0, -1]
+    assert other == 101 and parts.first(*ray).object == other
+    # Flags are of the objects that there are, in their order.
+    assert parts.first(*ray, objects=[True, False]).object == kept
+    assert parts.first(*ray, objects=[other]).object == other
+    with pytest.raises(ValueError, match="there is no object 7 among 2"):
+        parts.first(*ray, objects=[7])
+    assert parts.in_box([0, 0, 2], [1, 1, 2]).object.tolist() == [other] * 4
+
+
 def test_hits_name_objects():
     parts = kiln.Instances()
     near = parts.add(*TETRAHEDRON, at(z=2))
@@ -163,7 +217,7 @@ def test_nothing_changes_by_errors():
     part = parts.add(vertices, faces)
     wrong = [
         (lambda: parts.add(vertices, faces, at(x=1e39)), ValueError, "object 1"),
-        (lambda: parts.add(vertices * np.nan, faces), ValueError, "vertices: row 0"),
+        (lambda: parts.add(vertices * np.nan, faces), ValueError, "vertices: rows 0, 1, 2, 3"),
         (lambda: parts.add(vertices, faces + 1), ValueError, "faces"),
         (lambda: parts.add(vertices, faces, np.eye(3)), ValueError, "transform: expected the shape"),
         (lambda: parts.add(vertices, faces, [np.eye(4)] * 2), ValueError, "transform: expected the shape"),

@@ -133,7 +133,7 @@ def test_type_checkers_refuse_mistakes(tmp_path):
         "kiln.trimesh.install()",
         'kiln.render("a.obj", size=(64, 48), camera={"position": [0, 0, 5]}, with_=["shadows"], up="z", smooth=True)',
         'kiln.Prepared("a.obj", up="z").render("front", samples=4, transport="path", draft=True).save(io.BytesIO())',
-        'kiln.Prepared("a.obj").render_many([None], size=(64, 48), aovs=["depth"], exposure=-1.5)[0].aovs["depth"]',
+        'kiln.Prepared("a.obj").render_many([None], size=(64, 48), aovs=["depth"], exposure=-1.5).__next__()["depth"]',
     ]
     lines = ["import io, kiln", "import kiln.trimesh", *right, *MISTAKES_OF_TYPES]
     (tmp_path / "user.py").write_text("\n".join(lines) + "\n")
@@ -151,7 +151,7 @@ def test_stubs_are_those_of_the_module():
 
 
 def test_everything_public_is_documented():
-    for owner in (kiln, kiln.Mesh, kiln.Instances, kiln.Picture, kiln.Scene, kiln.Prepared, kiln.Aovs):
+    for owner in (kiln, kiln.Mesh, kiln.Instances, kiln.Picture, kiln.Scene, kiln.Prepared):
         for name, value in inspect.getmembers(owner):
             if not name.startswith("_"):
                 assert inspect.getdoc(value), name

@@ -130,7 +130,7 @@ def test_max_hits(box):
 
 
 def test_a_wrong_tier_is_an_error_at_once(box):
-    with pytest.raises(ValueError, match="^tier: `slow` is none of fast, "):
+    with pytest.raises(ValueError, match="^tier: `slow` is none of watertight, "):
         kiln.trimesh.RayMeshIntersector(box, tier="slow")
 
 

@@ -16,7 +16,7 @@ pub struct Options {
     /// Call queries 100,000 times with arguments of any kind, and measure the memory of 10,000 builds
     #[arg(long)]
     fuzz: bool,
-    /// Measure rays beside embreex and trimesh, and Open3D where it is installed
+    /// Print the table of docs/python.md: queries beside embreex and trimesh, Open3D and libigl
     #[arg(long)]
     benchmark: bool,
 }
@@ -24,6 +24,7 @@ pub struct Options {
 /// What the tests need beside the wheel; trimesh's tests need the second list, too.
 const PACKAGES: [&str; 9] =
     ["maturin>=1.9,<2", "numpy", "pytest", "hypothesis", "trimesh", "rtree", "scipy", "shapely", "mypy"];
+const PACKAGES_OF_BENCHMARK: [&str; 2] = ["open3d", "libigl"];
 const PACKAGES_OF_TRIMESH: [&str; 6] =
     ["embreex==4.4.*", "networkx", "manifold3d", "lxml", "jsonschema", "pillow"];
 
@@ -48,13 +49,16 @@ pub fn run_all(options: &Options) -> Result<()> {
     if options.trimesh.is_some() || options.benchmark {
         install(&PACKAGES_OF_TRIMESH)?;
     }
+    if options.benchmark {
+        install(&PACKAGES_OF_BENCHMARK)?;
+    }
     let wheels = folder.path().join("wheels");
     let build =
         ["-m", "maturin", "build", "--release", "--locked", "--manifest-path", "python/Cargo.toml", "--out"];
     run(python(&build).arg(&wheels))?;
     let wheel = std::fs::read_dir(&wheels)?.next().ok_or("maturin made no wheel")??.path();
     run(python(&["-m", "pip", "install", "--quiet"]).arg(&wheel))?;
-    run(&mut python(&["-m", "mypy", "--ignore-missing-imports", "python/kiln"]))?;
+    run(&mut python(&["-m", "mypy", "--strict", "--ignore-missing-imports", "python/kiln"]))?;
     run(&mut python(&["-m", "pytest", "--quiet", "python/tests"]))?;
     if let Some(trimesh) = &options.trimesh {
         let tests = ["test_ray.py", "test_ray_upstream.py"].map(|file| trimesh.join("tests").join(file));
