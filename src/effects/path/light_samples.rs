@@ -6,9 +6,9 @@ use super::LightPath;
 use super::lights::{LightConnection, Lights};
 use super::numbers::GenerationNumbers;
 use super::vertices::{IndexList, Vertices};
-use crate::effects::tile::vec_bytes;
-use crate::bvh::detail::{RayBuffer, SurfacePoint};
 use crate::bvh::Numerics;
+use crate::bvh::detail::{RayBuffer, SurfacePoint};
+use crate::effects::tile::vec_bytes;
 use crate::world::{
     EnvironmentCell, Flags, InteractionSoa, PerRay, TriangleSample, TwoTriangles, UNIFORM_DENSITY, Vec3Soa,
     World, select, simd, uniform_direction,

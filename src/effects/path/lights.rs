@@ -14,8 +14,8 @@ use crate::scene::{TexelEncoding, TextureSlot};
 use crate::shading::LightSample;
 use crate::shading::texture::look_up;
 use crate::world::{
-    EmitterSample, Emitters, EnvironmentCell, LightGroups, SurfaceInteraction, TexturePoint, TriangleSample, TwoTriangles,
-    World, sampled_emission,
+    EmitterSample, Emitters, EnvironmentCell, LightGroups, SurfaceInteraction, TexturePoint, TriangleSample,
+    TwoTriangles, World, sampled_emission,
 };
 
 /// The lights of a world.
@@ -187,7 +187,9 @@ impl<'a> Lights<'a> {
                 radiance: sample.radiance * self.emission_texel(&sample),
                 pdf: (sample.pdf * expected).min(f64::MAX),
                 distance: 0.0,
-                end: sample.point.origin_towards(sample.normal, end_tier(self.world.numerics() == Numerics::Fast)),
+                end: sample
+                    .point
+                    .origin_towards(sample.normal, end_tier(self.world.numerics() == Numerics::Fast)),
             });
         }
         let environment = self.world.environment.as_ref()?;

@@ -7,10 +7,10 @@ use super::record::record_light_samples;
 use super::vertices::Vertices;
 use super::weights::light_weight;
 use super::{Buffers, LIGHT_RAYS, LightPath, Scatter};
-use crate::effects::tile::{RayGeneration, Tile};
-use crate::effects::{LightTechnique, shadow_ray, transparency};
 use crate::bvh::detail::Precision;
 use crate::bvh::{Numerics, Ray};
+use crate::effects::tile::{RayGeneration, Tile};
+use crate::effects::{LightTechnique, shadow_ray, transparency};
 use crate::shading::LightSample;
 use crate::world::{InteractionSoa, World, select, simd};
 

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use crate::bvh::detail::Layout;
 use crate::bvh::Numerics;
+use crate::bvh::detail::Layout;
 use crate::film::{Colour, ColourPipeline};
 use crate::scene::{Light, LightKind, Scene};
 use crate::shading::bsdf::chi_squared::{Random, p_value};
