@@ -56,10 +56,7 @@ pub(crate) const NAMED_MATERIALS: &[(&str, &str)] = &[
         "{ colour = \"#ffffff\", roughness = 0, layers = { transmission = 1, ior = 1.5, volume = true } }",
     ),
     ("plastic", "{ colour = \"#d8d8d4\", metallic = 0, roughness = 0.3 }"),
-    (
-        "porcelain",
-        "{ colour = \"#f2f0ea\", roughness = 0.6, layers = { clearcoat = 1, clearcoat_roughness = 0.05 } }",
-    ),
+    ("porcelain", "{ colour = \"#f2f0ea\", metallic = 0, roughness = 0.15 }"),
     ("rubber", "{ colour = \"#2a2a2a\", metallic = 0, roughness = 0.8 }"),
 ];
 
