@@ -27,7 +27,7 @@
 //!
 //! let job = prepare(scene, &settings, &mut warnings)?;
 //! let (film, _) = job.render::<[f32; 3]>(&control)?;
-//! let channels = job.aovs(&["depth", "primitive", "geometric-normal"], &control)?;
+//! let channels = job.aovs(&["depth", "primitive", "normal"], &control)?;
 //! let [r, g, b] = film.pixel(32, 24);
 //! let of_pixel = channels.iter().map(|channel| (channel.name.as_str(), channel.values[24 * 64 + 32]));
 //! println!("{r} {g} {b}: {:?}", of_pixel.collect::<Vec<_>>());

@@ -265,7 +265,9 @@ impl Mesh {
         let nothing = PyList::empty(py);
         let copy = py.get_type::<Mesh>().call_method1("__new__", (slf.get_type(), &nothing, &nothing))?;
         copy.cast::<Mesh>()?.get().replace(State::clone(&slf.get().last()))?;
-        copy.getattr("__dict__")?.call_method1("update", (slf.getattr("__dict__")?,))?;
+        if let Some(own) = slf.getattr_opt("__dict__")? {
+            copy.getattr("__dict__")?.call_method1("update", (own,))?;
+        }
         Ok(copy)
     }
 

@@ -72,10 +72,10 @@ impl<'py> RayArguments<'py> {
         Ok(self.width().map_or(rays, |width| rays.in_rows(width)))
     }
 
-    /// The width of the picture that the rays are of: that of an array of at least as many columns as a packet has rays.
+    /// The width of the picture that the rays are of: that of an array of 64 to 4,096 columns.
     fn width(&self) -> Option<usize> {
         let (width, rest) = self.shape.split_last()?;
-        (!rest.is_empty() && *width >= 64).then_some(*width)
+        (!rest.is_empty() && (64..=1 << 12).contains(width)).then_some(*width)
     }
 
     /// The number of rays, and of those that are traced together: of pictures whole rows of tiles.

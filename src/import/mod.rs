@@ -102,7 +102,7 @@ pub fn mesh_endings() -> String {
     list(IMPORTERS.iter().filter(|importer| !importer.is_scene_file), " or ")
 }
 
-/// The files of a folder with the ending of a supported format, in the order of their names.
+/// The files of a folder with the ending of a supported format, but hidden ones, in the order of their names.
 ///
 /// # Errors
 /// [`Error::Input`] for a folder that cannot be read, or without such a file.
@@ -111,7 +111,9 @@ pub fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
         entries.map(|entry| entry.map(|entry| entry.path())).collect::<io::Result<Vec<PathBuf>>>()
     });
     let mut files = entries.map_err(|e| unreadable(folder, &e))?;
-    files.retain(|file| importer_by_ending(&ending(file)).is_some() && file.is_file());
+    let is_hidden =
+        |file: &Path| file.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+    files.retain(|file| importer_by_ending(&ending(file)).is_some() && file.is_file() && !is_hidden(file));
     files.sort();
     match files.is_empty() {
         true => Err(Error::input(
@@ -461,8 +463,7 @@ fn hinted(e: Error, input: &Path) -> Error {
             Error::input(place, what, hint_for_missing(input))
         }
         Error::Input { place, what, hint } if what == IS_FOLDER && place == input.into() => {
-            let files = input.join("*.stl");
-            let hint = format!("{hint}; `kiln render {} -o '{{name}}.png'` renders all", files.display());
+            let hint = format!("{hint}; `kiln render {} -o out/` renders each", input.display());
             Error::input(place, what, hint)
         }
         e => e,

@@ -186,9 +186,9 @@ impl Emitters {
         }
     }
 
-    /// An emitter as the tree sees it. A convex shape shows a quarter of its area on average (Cauchy), a flat one half.
+    /// An emitter's place and power. A convex shape shows a quarter of its area on average (Cauchy), a flat one half.
     fn local(&self, emitter: &Emitter) -> LocalLight {
-        let (bounds, shown) = match &emitter.shape {
+        let (bounds, visible_share) = match &emitter.shape {
             EmitterShape::Triangle(triangle) => (bounds_of(&triangle.triangle.0), 0.5),
             EmitterShape::Rectangle(index, _) => (bounds_of(&self.rectangles[*index].corners()), 0.5),
             EmitterShape::Analytic(shape) => {
@@ -196,7 +196,7 @@ impl Emitters {
                 ([centre - radius, centre + radius], 0.25)
             }
         };
-        LocalLight { bounds, constant: 0.0, falling: shown * emitter.luminance * emitter.area }
+        LocalLight { bounds, constant: 0.0, falling: visible_share * emitter.luminance * emitter.area }
     }
 
     fn add(&mut self, emitter: Emitter) {

@@ -22,7 +22,7 @@ use kiln::import;
 const NAME: &str = "{name}";
 
 /// A command for each input, and each file in those that are folders, where the name of the output has a place for that of the
-/// input; otherwise none. An output that ends as a folder is made.
+/// input; otherwise none. A folder that is to be made for them may be missing ([`make_folder`]).
 ///
 /// # Errors
 /// [`Error::Usage`] for inputs without a name, and for two of one name; [`Error::Output`] for a folder that does not exist.
@@ -33,13 +33,17 @@ pub(super) fn commands(command: &Command) -> Result<Vec<Command>> {
     if !has_name(&pattern) {
         return Ok(Vec::new());
     }
-    if !ends_as_folder && !pattern.parent().is_some_and(has_name) {
+    if !(ends_as_folder || pattern.parent().is_some_and(has_name)) {
         check_folder(&pattern)?;
     }
-    let mut inputs = Vec::new();
+    let mut inputs: Vec<PathBuf> = Vec::new();
     for input in &command.arguments.inputs {
         match input.is_dir() {
-            true => inputs.extend(import::files_in(input)?),
+            true => {
+                let known: Vec<_> = inputs.iter().map(|input| file_key(input)).collect();
+                let files = import::files_in(input)?.into_iter();
+                inputs.extend(files.filter(|file| !known.contains(&file_key(file))));
+            }
             false => inputs.push(input.clone()),
         }
     }
@@ -77,10 +81,21 @@ pub(super) fn commands(command: &Command) -> Result<Vec<Command>> {
             }
         }
     }
-    if ends_as_folder && !command.list_outputs {
-        create_dir_all(&command.output).map_err(|e| Error::output(&command.output, e))?;
-    }
     Ok(commands)
+}
+
+/// Makes the folder that an output names, if it ends as one.
+///
+/// # Errors
+/// [`Error::Output`].
+pub(super) fn make_folder(output: &Path) -> Result<()> {
+    if !output.to_string_lossy().ends_with(std::path::is_separator) || has_name(output) || output.is_dir() {
+        return Ok(());
+    }
+    create_dir_all(output).map_err(|e| match output.exists() {
+        true => Error::output(output, "is a file, not a folder; name another folder"),
+        false => Error::output(output, e),
+    })
 }
 
 /// The files that a command writes.

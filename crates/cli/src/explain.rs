@@ -37,7 +37,7 @@ pub(crate) struct Command {
     /// errors of the picture by their causes, of at most 256 pixels (128 of traced paths) unless --size is given
     #[arg(long, help_heading = group::MEASUREMENT)]
     measure: bool,
-    /// Number of measured rounds [default: 9, or as many as take 20 seconds, at least 3]
+    /// Number of measured rounds [default: 9, at least 3 within 20 seconds]
     #[arg(long, help_heading = group::MEASUREMENT, value_name = "N", requires = "measure",
         value_parser = crate::numbers::whole(1..=1000u16))]
     rounds: Option<u16>,

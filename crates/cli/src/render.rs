@@ -86,6 +86,10 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<u8> {
     check_still(&command.length)?;
     let mut reporter = Reporter::new(command.progress);
     note_plain_name(&command.output, each.is_empty(), &mut reporter.warnings);
+    let has_input = each.iter().flat_map(|one| &one.arguments.inputs).any(|input| input.exists());
+    if has_input && !command.list_outputs {
+        each_input::make_folder(&command.output)?;
+    }
     let pool = super::pool(command.arguments.options.thread_count())?;
     pool.install(|| match each.as_slice() {
         [] => render_still(command, &mut reporter, interrupted).map(|_| 0),

@@ -116,7 +116,7 @@ const SYNONYMS: &[(&[&str], &str)] = &[
         "use --background with #rrggbb, a CSS name or `transparent`",
     ),
     (
-        &["transparent", "film-transparent", "no-background", "transparent-background", "alpha"],
+        &["transparent", "film-transparent", "no-background", "transparent-background"],
         "use --background transparent",
     ),
     (

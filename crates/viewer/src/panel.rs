@@ -42,7 +42,7 @@ pub(crate) fn show(
     look::background(ui, scene, &mut settings.picture);
     GROUND.show(ui, &shown, &start, &mut settings);
     section(ui, "More", |ui| {
-        if let Some(rendered) = rendered {
+        if let Some(rendered) = rendered.filter(|one| one.prepared.camera.projection.aspect().is_none()) {
             extent(ui, controls, &rendered.prepared.camera);
         }
         files(ui, scene, &mut reading, controls);

@@ -136,11 +136,11 @@ impl<'a> Lights<'a> {
         numbers: [f64; 2],
     ) -> Option<(TriangleSample, DVec3)> {
         let is_emitter = self.is_emitter(choice);
-        if is_emitter { self.emitters.sample_triangle(from, self.place(choice), numbers) } else { None }
+        if is_emitter { self.emitters.sample_triangle(from, self.emitter_number(choice), numbers) } else { None }
     }
 
     /// The number that chooses among the emitters. Two are chosen in loops, by 24 bits.
-    fn place(&self, choice: [f64; 2]) -> f64 {
+    fn emitter_number(&self, choice: [f64; 2]) -> f64 {
         if self.emitters.are_two() { choice[1] } else { self.group(choice).1 }
     }
 
@@ -181,7 +181,7 @@ impl<'a> Lights<'a> {
             return Some(LightConnection { direction, radiance, pdf, distance, end });
         }
         if self.is_emitter(choice) {
-            let sample = self.emitters.sample(from, self.place(choice), numbers)?;
+            let sample = self.emitters.sample(from, self.emitter_number(choice), numbers)?;
             return Some(LightConnection {
                 direction: sample.direction,
                 radiance: sample.radiance * self.emission_texel(&sample),

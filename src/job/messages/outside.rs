@@ -126,7 +126,7 @@ pub(crate) fn warn_of_large(scene: &Scene, warnings: &mut Warnings) {
     let [(large, whole), (name, first), ref rest @ ..] = sized[..] else { return };
     let all = rest.iter().fold(first, |(min, max), (_, other)| (min.min(other.0), max.max(other.1)));
     let times = size(whole) / size(all);
-    if times >= MUCH_LARGER {
+    if times >= MUCH_LARGER && name != large {
         warnings.push(format!(
             "`{large}` is {times:.0} times as large as all other objects together, which are small in the picture; \
              --look-at {} frames one of them",

@@ -1,5 +1,6 @@
 //! What is asked of the files of a scene when they are read.
 
+use crate::error::nearest_name;
 use crate::limits::Limits;
 use crate::scene::option::group;
 use crate::scene::option::{OptionValue, options, ranged};
@@ -91,10 +92,17 @@ impl OptionValue for MaterialChoice {
             let (name, word) = text.rsplit_once('=').map_or((None, text), |(name, word)| (Some(name), word));
             let word = word.trim().to_ascii_lowercase();
             let named = NAMED_MATERIALS.iter().find(|(name, _)| *name == word);
-            let (Some((_, table)), false) = (named, name.is_some_and(|name| name.ends_with('+'))) else {
-                return Err("give its keys, such as '{ colour = \"#c33\" }', or NAME={ ... }, or a word: \
-                            `kiln render --help` lists them"
-                    .to_owned());
+            if name.is_some_and(|name| name.ends_with('+')) {
+                return Err(
+                    "NAME+= takes values, such as { roughness = 0.2 }; NAME=gold takes a word".to_owned()
+                );
+            }
+            let Some((_, table)) = named else {
+                let words: Vec<&str> = NAMED_MATERIALS.iter().map(|(word, _)| *word).collect();
+                let near = nearest_name(&word, &words);
+                return Err(format!(
+                    "{near}; or give keys, such as '{{ colour = \"#c33\" }}', or NAME={{ ... }}"
+                ));
             };
             let name = name.map(|name| name.trim().to_owned());
             return Ok(MaterialChoice { name, changes: false, table: (*table).to_owned() });

@@ -312,13 +312,15 @@ pub(super) fn vertex_of(position: DVec3) -> Vertex {
     position.to_array().map(|x| (x + 0.0).to_bits())
 }
 
-/// About the most edges that are sorted together: fewer take less memory, but every primitive is visited for each part.
+/// About the most edges that are sorted together, and the most parts: every primitive is visited for each, so that of large
+/// meshes an eighth of the edges is in memory.
 const EDGES: usize = 1 << 20;
+const MOST_PARTS: usize = 8;
 
 fn closedness(bvh: &Bvh) -> Closedness {
     let open = bvh.own_shapes().map_or(0, Shapes::open);
     let mut closedness = Closedness { boundary_edges: open, unbalanced_edges: open, ..Closedness::default() };
-    let parts = (3 * bvh.ids() as usize).div_ceil(EDGES).max(1) as u64;
+    let parts = (3 * bvh.ids() as usize).div_ceil(EDGES).clamp(1, MOST_PARTS) as u64;
     let mut edges: Vec<([Vertex; 2], bool)> = Vec::new();
     for part in 0..parts {
         // Of split triangles, which are in several slots, the first one counts.

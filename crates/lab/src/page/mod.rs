@@ -22,13 +22,13 @@ mod tests {
     #[test]
     fn texts_cannot_close_their_element() {
         let json = serde_json::json!({ "name": "</script><!--{{script}}" }).to_string();
-        let page = page("draw();", &[("data", &json)]);
+        let page = page("draw_all();", &[("data", &json)]);
         let (_, embedded) = page.split_once("id=\"data\">").expect("an element");
         let (embedded, _) = embedded.split_once("</script>").expect("its end");
         assert_eq!(
             serde_json::from_str::<serde_json::Value>(embedded).expect("JSON")["name"],
             "</script><!--{{script}}"
         );
-        assert_eq!(page.matches("draw();").count(), 1);
+        assert_eq!(page.matches("draw_all();").count(), 1);
     }
 }

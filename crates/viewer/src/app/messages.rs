@@ -73,8 +73,9 @@ impl App {
         if let (Some(file), Some(controls)) = (environment, &mut self.controls) {
             controls.light_by(&file);
         }
-        (self.import_options, self.history) = (options, History::default());
+        self.import_options = options;
         if !is_same {
+            self.history = History::default();
             let title = inputs.first().map_or("kiln".into(), |input| name_of(input));
             context.send_viewport_cmd(ViewportCommand::Title(format!("{title} - kiln")));
             (self.inputs, self.inspection) = (inputs, None);
