@@ -283,6 +283,7 @@ pub fn is_contained() -> bool {
 /// Options, effects and AOVs that ended, without hyphens in front, and what serves instead.
 pub const ENDED: &[(&str, &str)] = &[
     ("edit-light", "it ended; edit [[light]] in a scene file, or change the brightness by --exposure EV"),
+    ("geometric-normal", "it is --aov normal; --aov shading-normal has vertex normals and normal maps"),
     ("left-out", "it ended; `kiln explain --measure` measures the light that limits leave out"),
 ];
 

@@ -136,7 +136,11 @@ impl<'a> Lights<'a> {
         numbers: [f64; 2],
     ) -> Option<(TriangleSample, DVec3)> {
         let is_emitter = self.is_emitter(choice);
-        if is_emitter { self.emitters.sample_triangle(from, self.emitter_number(choice), numbers) } else { None }
+        if is_emitter {
+            self.emitters.sample_triangle(from, self.emitter_number(choice), numbers)
+        } else {
+            None
+        }
     }
 
     /// The number that chooses among the emitters. Two are chosen in loops, by 24 bits.
