@@ -52,13 +52,6 @@ mod sequential {
             self.flatten()
         }
 
-        fn flat_map_iter<R: IntoIterator>(
-            self,
-            of: impl FnMut(Self::Item) -> R,
-        ) -> impl Iterator<Item = R::Item> {
-            self.flat_map(of)
-        }
-
         fn find_map_first<R>(mut self, of: impl FnMut(Self::Item) -> Option<R>) -> Option<R> {
             self.find_map(of)
         }

@@ -8,7 +8,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use rayon::prelude::*;
+use crate::threads::*;
 
 use super::crossings::{Vertex, vertex_of};
 use super::generalised::Expansions;
