@@ -484,7 +484,7 @@ const MISTAKES: &[Mistake] = &[
     (Command, "animate scene.toml -o a.gif --fps 24fps", "'24fps' for '--fps <N>': give frames", "", 2),
     (Command, "animate a_1.png a_2.png -o a.gif", "a_1.png: several pictures", "'frame_####.png'", 2),
     (Command, "animate a_##.png -o a.gif", "a_##.png: no such frame", "each # is a digit", 3),
-    (Command, "render . -o a.png", ".: is a folder", "`kiln render ./*.stl -o '{name}.png'`", 3),
+    (Command, "render . -o a.png", ".: is a folder", "`kiln render . -o out/`", 3),
     (Command, "render a/*.stl -o a.png", "a/*.stl: no such file", "match files only in a shell", 3),
     (Command, "render https://a.org/b.glb -o a.png", "b.glb: no such file", "download it first", 3),
     (Command, "render scene.toml -o a.png --camera position=[0,0,5]", "no camera `position=", "in braces", 2),

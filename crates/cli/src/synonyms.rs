@@ -153,16 +153,7 @@ const SYNONYMS: &[(&[&str], &str)] = &[
         "use --depth N for path tracing; mirror reflections have their limit in --with",
     ),
     (
-        &[
-            "integrator",
-            "renderer",
-            "engine",
-            "path-tracing",
-            "pathtracing",
-            "raytracing",
-            "gi",
-            "global-illumination",
-        ],
+        &["integrator", "renderer", "path-tracing", "pathtracing", "raytracing", "gi", "global-illumination"],
         "use --transport whitted or --transport path",
     ),
     (

@@ -216,7 +216,7 @@ draw(html`<h1>${document.title}</h1><p class="lead">${coded(study.headline)}</p>
 <p class="note">${size[0]} × ${size[1]} pixels; ${study.threads} thread(s); ${study.clock} time; ${study.rounds} round(s) with all settings in turn, after a
 warm-up round. kiln ${study.kiln}.</p>
 ${[costs(), selection(), tier()].map((part) => part || "")}
-<h2>Measures</h2><p class="note">Of rmse and max this page has the steps of 255.</p><dl>${study.definitions.map(([name, meaning]) => html`<dt>${name}</dt><dd>${meaning}</dd>`)}</dl>
+<h2>Measures</h2><p class="note">On this page rmse and max are in steps of 255.</p><dl>${study.definitions.map(([name, meaning]) => html`<dt>${name}</dt><dd>${meaning}</dd>`)}</dl>
 ${[plots(), advice(), geometry(), techniques(), stepsOfParameters(), viewer(), settings(), measured()].map((part) => part || "")}`);
 
 // A scatter plot of rows on logarithmic axes, with the names of those that `isLabelled`, as far as there is room.
