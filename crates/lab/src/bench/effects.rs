@@ -65,7 +65,7 @@ const ROUNDS: usize = 9;
 const LEAST_ROUNDS: usize = 3;
 const LONG: Duration = Duration::from_secs(20);
 
-/// Measures a picture on the current pool, `rounds` times; [`ROUNDS`] or fewer by default. Progress is counted in renders.
+/// Measures a picture on the current pool, `rounds` times; 9 or fewer by default. Progress is counted in renders.
 ///
 /// # Errors
 /// Those of [`render`].
