@@ -81,7 +81,8 @@ impl<'a> Lights<'a> {
     fn group(&self, [first, second]: [f64; 2]) -> (usize, f64) {
         let at = first * self.count as f64;
         let index = (at as usize).min(self.count - 1);
-        (index, second + (at - index as f64).clamp(0.0, 1.0 - f64::EPSILON) / f64::from(1 << 24))
+        // The largest sums round to 1.
+        (index, (second + (at - index as f64) / f64::from(1 << 24)).min(1.0 - f64::EPSILON))
     }
 
     /// The light that is not a surface which a choice takes from a point, and its probability within the choices of its
